@@ -6,7 +6,7 @@ the scene file says what a user would know: up, and that the camera is on the sc
 frames this says so and ends.
 
 A line each: the share of the board that the click grew, the errors, the verdict, its confidence by the regions alone
-and after the rest of the scene was heard, and how well photo and cloud agree (z). Then how many poses were wrong
+and with edges, and how well photo and cloud agree (log odds). Then how many poses were wrong
 (beyond 5 deg or half a meter) and how many of those were trusted.
 
     python -m benchmarks.chessboards [--data ../shared/data] [--clicks 6] [--near]
@@ -46,7 +46,7 @@ class Click(NamedTuple):
     level: str
     before: float
     after: float
-    z: float
+    log_odds: float
 
     @property
     def is_wrong(self) -> bool:
@@ -88,13 +88,13 @@ def clicks_of(folder: Path, out: Path, count: int, near: bool) -> Iterator[Click
         except (rp.PoseError, ValueError) as error:
             yield str(error).splitlines()[0]
             continue
-        errors, witness = truth_errors(run.estimate.pose, truth), run.witness
-        assert witness is not None
-        after, before = run.estimate.confidence, witness.confidence_before
+        errors, found = truth_errors(run.estimate.pose, truth), run.calibration
+        assert found is not None and found.regions is not None
+        after, before = run.estimate.confidence, found.regions.confidence
         grown = run.sides.image_regions[0].area / area
-        (alignment,) = witness.told
-        level, z = verdict(run).level, alignment.z
-        yield Click(grown, errors["rotation_deg"], errors["camera_center_m"], level, before, after, z)
+        (alignment,) = found.alignments
+        level, odds = verdict(run).level, alignment.log_odds
+        yield Click(grown, errors["rotation_deg"], errors["camera_center_m"], level, before, after, odds)
 
 
 def main() -> None:
@@ -109,7 +109,7 @@ def main() -> None:
         print(f"no frames in {given.data / RIG}: nothing to click on")
         return
     found: list[Click] = []
-    print("frame    grown   error deg       m   verdict   confidence before, after     z")
+    print("frame    grown   error deg       m   verdict   confidence before, after  log odds")
     with tempfile.TemporaryDirectory() as out:
         for folder in folders:
             for click in clicks_of(folder, Path(out), given.clicks, given.near):
@@ -117,10 +117,10 @@ def main() -> None:
                     print(f"{folder.name}  refused: {click}")
                     continue
                 found.append(click)
-                grown, rotation, center, level, before, after, z = click
+                grown, rotation, center, level, before, after, odds = click
                 print(
                     f"{folder.name}  {grown:6.3f}  {rotation:9.2f}  {center:6.2f}   {level:8}"
-                    f"  {before:17.3f}  {after:5.3f}  {z:5.1f}",
+                    f"  {before:17.3f}  {after:5.3f}  {odds:8.1f}",
                     flush=True,
                 )
     wrong = [click for click in found if click.is_wrong]

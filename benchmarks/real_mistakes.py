@@ -1,4 +1,4 @@
-"""What becomes of users' mistakes on real scenes, by the regions alone and once the rest of the scene is heard.
+"""What becomes of users' mistakes on real scenes, by the regions alone and with the edges of photo and cloud.
 
 Of each frame below --data with labeled points and a photo, the pose is estimated with the regions as a scan knows them,
 without a prior and with the camera within 1 m of the scanner,
@@ -10,13 +10,12 @@ without a prior and with the camera within 1 m of the scanner,
 - "place": a region is drawn beside its place in the photo, half its width away.
 
 The table has a row for each mistake: problems; how many poses are wrong, beyond 5 degrees or 1 meter; how many of these
-come without a warning by the regions alone, after photo and cloud are heard, and after they refine, too; how many of
-the right ones have no warning in the same three; and how many of all that have none at last are off by more than three
-of their standard deviations. A second one has the confidences of all refined poses, and how many
+come without a warning by the regions alone, and with the edges; how many of the right ones have no warning in the same
+two; and how many of all that have none with the edges are off by more than three of their standard deviations. A second one has the confidences of all poses with edges, and how many
 of these are within 5 degrees, as they state. `--verbose` prints a line for each wrong pose that is trusted. Where there
 are no frames this says so and ends.
 
-    python -m benchmarks.real_mistakes [--data ../shared/data] [--verbose]
+    python -m benchmarks.real_mistakes [--data ../shared/data] [--only none focal] [--every 1] [--verbose]
 """
 
 from __future__ import annotations
@@ -32,15 +31,13 @@ from typing import NamedTuple
 import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.alignment import witnessed
 from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
-from regionpose.estimation.answer import PoseEstimate
 from regionpose.regions.outline import SparseSamplingWarning
 from rich.console import Console
 from rich.progress import track
 
+from benchmarks.agreement import frames
 from benchmarks.real_scenes import DEFAULT_DATA, MOST_SIGMAS, RealScene, confidences, errors_of, lidar_scenes
-from benchmarks.witness import frames
 
 Array = NDArray[np.float64]
 
@@ -66,14 +63,14 @@ class Problem(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What came of a problem: by the regions, heard, and refined, whether the pose is wrong and whether trusted; of the
-    refined one its confidence, how far it is turned from the true one, degrees, and its errors over their standard
+    """What came of a problem: by the regions and with edges, whether the pose is wrong and whether trusted; of the
+    latter its confidence, how far it is turned from the true one, degrees, and its errors over their standard
     deviations, the larger of rotation's and place's.
     """
 
     mistake: str
-    wrong: tuple[bool, bool, bool]
-    trusted: tuple[bool, bool, bool]
+    wrong: tuple[bool, bool]
+    trusted: tuple[bool, bool]
     confidence: float
     turned_deg: float
     sigmas: float
@@ -134,39 +131,23 @@ def beside(region: rp.ImageRegion, camera: Camera) -> rp.ImageRegion | None:
 
 
 def row_of(problem: Problem, *, verbose: bool) -> Row | None:
-    """What comes of a problem, in three ways; None where no pose shows it."""
-
-    def estimated(prior: rp.Prior | None) -> PoseEstimate:
-        return rp.estimate_pose(problem.camera, problem.images, problem.worlds, prior=prior)
-
-    def settled(pose: rp.Pose) -> PoseEstimate:
-        return estimated((problem.prior or rp.Prior()).started_at(pose))
-
+    """What comes of a problem, in both ways; None where no pose shows it."""
+    frame = replace(problem.frame, camera=problem.camera, regions=problem.images, world_regions=problem.worlds)
     try:
-        alone = estimated(problem.prior)
+        found = rp.calibrate([frame], prior=problem.prior)
     except rp.PoseError:
         return None
-    heard = witnessed(alone, lambda pose: [problem.frame.alignment(pose)], settled).estimate
-    refined, witness = rp.estimate_with_scene(
-        problem.camera,
-        problem.images,
-        problem.worlds,
-        problem.frame.image,
-        problem.frame.points,
-        intensity=problem.frame.intensity,
-        prior=problem.prior,
-    )
-    ways = (alone, heard, refined)
-    wrong = [is_wrong(way.pose, problem.truth) for way in ways]
-    trusted = [not way.warnings for way in ways]
-    turn = turned_deg(refined.pose, problem.truth)
+    assert found.regions is not None
+    ways = (found.regions, found.estimate)
+    wrong = (is_wrong(ways[0].pose, problem.truth), is_wrong(ways[1].pose, problem.truth))
+    trusted = (not ways[0].warnings, not ways[1].warnings)
+    turn = turned_deg(found.pose, problem.truth)
     if verbose and any(np.logical_and(wrong, trusted)):
-        place = np.linalg.norm(refined.pose.camera_center - problem.truth.camera_center)
-        print(f"{problem.mistake:6} {problem.name:28} {turn:6.1f} deg {place:6.2f} m  {trusted}  {witness}", flush=True)
-    first, second = (wrong[0], wrong[1], wrong[2]), (trusted[0], trusted[1], trusted[2])
-    errors = errors_of(refined.pose, refined.covariance, problem.truth)
+        place = np.linalg.norm(found.pose.camera_center - problem.truth.camera_center)
+        print(f"{problem.mistake:6} {problem.name:28} {turn:6.1f} deg {place:6.2f} m  {trusted}  {found}", flush=True)
+    errors = errors_of(found.pose, found.estimate.covariance, problem.truth)
     sigmas = max(errors.rotation_sigmas, errors.center_sigmas)
-    return Row(problem.mistake, first, second, refined.confidence, turn, sigmas)
+    return Row(problem.mistake, wrong, trusted, found.estimate.confidence, turn, sigmas)
 
 
 def is_wrong(pose: rp.Pose, truth: rp.Pose) -> bool:
@@ -182,16 +163,16 @@ def turned_deg(pose: rp.Pose, truth: rp.Pose) -> float:
 
 def table(rows: Sequence[Row]) -> Iterator[str]:
     """Lines of a Markdown table, by mistake."""
-    ways = "by the regions | heard | refined"
+    ways = "by the regions | with edges"
     yield (
         f"| mistake | problems | wrong, {ways} | of them trusted, {ways} | right and trusted, {ways} |"
-        f" refined and trusted, beyond {MOST_SIGMAS:g} sigmas |"
+        f" trusted with edges, beyond {MOST_SIGMAS:g} sigmas |"
     )
-    yield "|" + "---|" * 12
+    yield "|" + "---|" * 9
     for mistake in dict.fromkeys(row.mistake for row in rows):
         held = [row for row in rows if row.mistake == mistake]
         wrong, trusted = (np.array([getattr(row, name) for row in held]) for name in ("wrong", "trusted"))
-        beyond = sum(row.trusted[2] and row.sigmas > MOST_SIGMAS for row in held)
+        beyond = sum(row.trusted[1] and row.sigmas > MOST_SIGMAS for row in held)
         counts = [*wrong.sum(0), *(wrong & trusted).sum(0), *(~wrong & trusted).sum(0), beyond]
         yield f"| {mistake} | {len(held)} | {' | '.join(map(str, counts))} |"
 
@@ -201,6 +182,8 @@ def main() -> None:
     warnings.simplefilter("ignore", SparseSamplingWarning)
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=DEFAULT_DATA)
+    parser.add_argument("--only", nargs="+", help="mistakes, all when left out")
+    parser.add_argument("--every", type=int, default=1, help="take one problem in so many of each mistake")
     parser.add_argument("--verbose", action="store_true", help="a line for each wrong pose that is trusted")
     given = parser.parse_args()
     seen = {held.name: held.of_scene() for held in frames(given.data)}
@@ -208,7 +191,9 @@ def main() -> None:
     if not scenes:
         print(f"no frames in {given.data}: nothing to measure")
         return
-    tried = list(problems(scenes, seen))
+    whole = [each for each in problems(scenes, seen) if given.only is None or each.mistake in given.only]
+    by_mistake = [[each for each in whole if each.mistake == name] for name in dict.fromkeys(e.mistake for e in whole)]
+    tried = [each for held in by_mistake for each in held[:: given.every]]
     shown = track(tried, "poses", console=Console(stderr=True))
     rows = [row_of(problem, verbose=given.verbose) for problem in shown]
     found = [row for row in rows if row is not None]

@@ -2,7 +2,7 @@
 
 The scene is made here: a room of 10 x 8 x 3 m with 3 mm noise, three panels before its walls, and a picture of them.
 Each stage runs in a process of its own; `cpu` is its processor time, `beside` the most memory that it took beside what
-it was given. The witness is what the rest of photo and cloud says of a pose of two of the panels, refinement included.
+it was given. The calibration is that of two of the panels and of the edges of photo and cloud.
 The picking page's pictures are those that it shows first, with the reading of the files; its click in 3D is the first
 one, which builds an index.
 
@@ -25,8 +25,6 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
-from regionpose.alignment import refined_estimate, witnessed
-from regionpose.cameras import Camera
 from regionpose.pick.desk import Desk
 from regionpose.pick.session import Session
 from regionpose.scene import Stages, estimate_scene, load_scene
@@ -152,8 +150,8 @@ class Loaded:
         """The image (h, w, 3)."""
         return np.asarray(Image.open(self.inputs.image).convert("RGB"))
 
-    def witness(self) -> Callable[[], object]:
-        """What hears the rest of photo and cloud: the poster and the sign are regions, the notice is not."""
+    def calibration(self) -> Callable[[], object]:
+        """What brings regions and edges together: the poster and the sign are regions, the notice is not."""
         corners = [np.array(corner) for corner in (PANELS["poster"], PANELS["sign"])]
         shapes = [corner + np.array([0.0 * u, u, u + v, v]) for corner, u, v in corners]
         images = [rp.ImageRegion.from_polygon(self.camera.project(self.pose.transform(shape))) for shape in shapes]
@@ -163,21 +161,7 @@ class Loaded:
         # The notice is darker than its wall, for the scanner as for the camera.
         within = (np.abs(points - corner - 0.5 * (along + up)) < 0.5 * (along + up) + 5.0 * NOISE).all(axis=1)
         intensity = np.where(within, 0.2, 0.8)
-
-        def zoomed(camera: Camera, near: rp.Pose) -> rp.PoseEstimate:
-            return rp.estimate_pose(camera, images, worlds, prior=rp.Prior().started_at(near))
-
-        estimate = rp.estimate_pose(self.camera, images, worlds)
-
-        def heard() -> object:
-            frame = rp.SceneFrame(picture, points, self.camera, images, intensity, worlds)
-
-            def refined(given: rp.PoseEstimate) -> tuple[rp.PoseEstimate, rp.SceneRefinement]:
-                return refined_estimate(given, [frame], self.camera, images, worlds, zoomed, rp.Solver())
-
-            return witnessed(estimate, lambda pose: [frame.alignment(pose)], partial(zoomed, self.camera), refined)
-
-        return heard
+        return lambda: rp.calibrate([rp.SceneFrame(picture, points, self.camera, images, intensity, worlds)])
 
     def desk(self) -> Desk:
         """The picking page's pictures of photo and cloud, once their files are read."""
@@ -234,7 +218,7 @@ def stages(inputs: Inputs, megapixels: float) -> dict[str, Callable[[], Callable
         "WorldRegion.from_points (a wall)": lambda: partial(rp.WorldRegion.from_points, wall()),
         "colorize": on_both(lambda points, picture: rp.colorize(points, picture, camera, pose)),
         "overlay_depth": on_both(lambda points, picture: rp.overlay_depth(picture, camera, pose, points)),
-        "witness": held.witness,
+        "calibration": held.calibration,
         "pick: the first pictures": lambda: held.desk,
         "pick: the first click in 3D": held.solid_click,
         "write_ply": lambda: partial(rp.write_ply, inputs.cloud.with_name("written.ply"), held.cloud()),

@@ -3,7 +3,7 @@
 Of each frame below --data with regions, a photo and a cloud, the share of each region that the cloud hides is told at
 
 - "true": the true pose;
-- "turned": poses as `python -m benchmarks.witness` makes them, few of which show a region where the photo does;
+- "turned": poses as `python -m benchmarks.agreement` makes them, few of which show a region where the photo does;
 - "single": all answers of each region by itself, half turns and mirrored poses among them;
 - "none", "pair", "focal", "photo", "place": all answers with no mistake, and with those of `python -m
   benchmarks.real_mistakes`.
@@ -39,9 +39,9 @@ from rich.console import Console
 from rich.progress import track
 from scipy.spatial import cKDTree
 
+from benchmarks.agreement import frames, wrong_poses
 from benchmarks.real_mistakes import Problem, is_wrong, problems
 from benchmarks.real_scenes import DEFAULT_DATA, LIDARS, RealScene, scene_of
-from benchmarks.witness import frames, wrong_poses
 
 Array = NDArray[np.float64]
 
@@ -107,7 +107,9 @@ def told(given: Given) -> Pose:
     frame, pose = given.frame, given.pose
     points = np.asarray(frame.points, dtype=np.float64)
     points = points[np.isfinite(points).all(axis=1)]
-    edges = frame.alignment(pose).edge_log_odds
+    edges = rp.check_alignment(
+        frame.photo, frame.points, frame.camera, pose, regions=frame.regions, intensity=frame.intensity
+    ).edge_log_odds
     hidden = {gap: most_hidden(replace(frame, points=points), pose, gap) for gap in GAPS}
     nearest = float(cKDTree(points).query(pose.camera_center)[0])
     assert frame.camera.width is not None and frame.camera.height is not None

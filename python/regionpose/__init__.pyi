@@ -7,13 +7,8 @@ from .alignment import EdgeMode as EdgeMode
 from .alignment import FocalEvidence as FocalEvidence
 from .alignment import Occlusion as Occlusion
 from .alignment import SceneFrame as SceneFrame
-from .alignment import SceneRefinement as SceneRefinement
-from .alignment import SceneWitness as SceneWitness
-from .alignment import Witnessed as Witnessed
 from .alignment import calibrate as calibrate
 from .alignment import check_alignment as check_alignment
-from .alignment import estimate_with_scene as estimate_with_scene
-from .alignment import refine_with_scene as refine_with_scene
 from .calibration import load_camera as load_camera
 from .cameras import Camera as Camera
 from .cameras import EquirectangularCamera as EquirectangularCamera

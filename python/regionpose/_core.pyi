@@ -18,14 +18,12 @@ __all__ = [
     "Problem",
     "Projection",
     "Search",
-    "SeenSteps",
     "Solution",
     "WorldRegion",
     "__version__",
     "alpha_shape",
     "blurred",
     "contour_pieces",
-    "edge_agreement",
     "edge_spreads",
     "estimate_batch",
     "even_mesh",
@@ -39,7 +37,6 @@ __all__ = [
     "planar_moments",
     "plane_rings",
     "quad_solid_angles",
-    "scene_steps",
     "search_poses",
     "spherical_moments",
     "together",
@@ -84,24 +81,6 @@ def contour_pieces(rings: Iterable[ArrayLike], on_border: Iterable[NDArray[np.bo
 
 def nearest_edges(rings: Iterable[ArrayLike], points: ArrayLike) -> NDArray[np.int64]:
     """Index (m,) of the edge of closed rings (n, 2) nearest to each of the points (m, 2), counted ring after ring."""
-
-def scene_steps(
-    points: ArrayLike, cell: float, gap: float, share: float, shades: NDArray[np.float64] | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Unit bearings (m, 3) of the last samples of near surfaces before far ones, or before their shade changes, and of
-    their neighbors beyond; distances (m,) of the former.
-    """
-
-def edge_agreement(
-    strength: NDArray[np.float32],
-    pixels: ArrayLike,
-    moved: ArrayLike,
-    directions: NDArray[np.int64],
-    turns: ArrayLike,
-) -> NDArray[np.float64]:
-    """Mean strength (t,) of a photo's edges under depth steps, for the camera turned by each of some rotation
-    vectors.
-    """
 
 def blurred(picture: NDArray[np.float32], weights: ArrayLike) -> NDArray[np.float32]:
     """A picture (h, w) spread down its columns and along its rows, mirrored beyond its sides.
@@ -202,6 +181,9 @@ class AlignmentFrame:
     def with_projection(self, projection: Projection, half_field: float) -> AlignmentFrame:
         """The same photo and edges as another camera has them."""
 
+    def at_spread(self, spread: int) -> AlignmentFrame:
+        """The same, which spreads finer than one, by its number, do not make finer."""
+
     def log_ratio(self, rotation: ArrayLike, translation: ArrayLike, spread: int) -> tuple[float, int]:
         """Sum of log likelihood ratios at a pose, by the number of a spread, and how many edges the photo shows."""
 
@@ -237,20 +219,6 @@ def search_poses(
 
 def edge_spreads() -> list[float]:
     """The spreads of edges, pixels, from wide to narrow."""
-
-@final
-class SeenSteps:
-    """Steps as they are seen, put together for many sums over them."""
-
-    def __new__(cls, pixels: ArrayLike, moved: NDArray[np.float64], directions: NDArray[np.int64]) -> SeenSteps:
-        """From `pixels` (n, 2), `moved` (n, 2 d): derivatives of x, then y, and the picture of each (n,)."""
-
-    def evidence(
-        self, values: NDArray[np.float32], increments: ArrayLike
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Sums (t,) of what pictures hold under the steps, at increments of the pose (t, 6), or (t, 7) with the
-        logarithm of the focal lengths, and their derivatives.
-        """
 
 @final
 class ObservedRegion:

@@ -2,6 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 use std::hint::black_box;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use criterion::{Bencher, Criterion, criterion_group, criterion_main};
@@ -48,7 +49,7 @@ fn frame(
     };
     let values: Vec<f32> = (0..DIRECTIONS * width * height).map(|_| noise()).collect();
     let pictures = std::array::from_fn::<_, SPREADS, _>(|spread| {
-        LogRatios::new(&values, height, width, (SPREADS_PX[spread] / 2.0) as usize).expect("a picture")
+        Arc::new(LogRatios::new(&values, height, width, (SPREADS_PX[spread] / 2.0) as usize).expect("a picture"))
     });
     let pixels = |bearings: &[Vector3<f64>]| Ok::<_, Error>(bearings.iter().map(&project).collect());
     let projection = Projection::new([width as f64, height as f64], pixels).expect("a camera that sees something");

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.alignment import pose_search
 from regionpose.alignment.calibration import NEAR_SIGMA_M
-from regionpose.alignment.pose_search import EdgeFrame
+from regionpose.alignment.edge_frame import EdgeFrame
 from regionpose.estimation.options import EXACT_EXPOSURE
 from regionpose.progress import UnwantedError, while_wanted
 

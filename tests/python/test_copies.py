@@ -48,7 +48,6 @@ def public_objects() -> dict[str, list[Any]]:
         rp.ImageRegion.from_polygon([demo.camera.project(pose @ ring) for ring in region.rings])
         for region in demo.regions[:2]
     ]
-    witnessed = rp.estimate_with_scene(demo.camera, outlines, polygons, demo.image, few)
     with TemporaryDirectory() as place:
         scene = estimate_scene(load_scene(write_scene(Path(place))))
     rig = rp.estimate_rig(camera, frames)
@@ -57,13 +56,9 @@ def public_objects() -> dict[str, list[Any]]:
         few[:9] + 1e5, fields={"ring": np.arange(9)}, intensity=np.ones(9), triangles=np.array([[0, 1, 2]])
     )
     members = demo.regions[0].point_indices[::4]
-    calibration = rp.calibrate(
-        [rp.SceneFrame(demo.image, demo.points[::4], demo.camera)],
-        prior=rp.Prior(initial=pose, initial_rotation_sigma_deg=2.0, initial_center_sigma_m=0.1),
-    )
+    calibration = rp.calibrate([rp.SceneFrame(demo.image, demo.points[::4], demo.camera, outlines, None, polygons)])
     objects: list[Any] = [
-        calibration,
-        *(scene, rig, matches, *witnessed, witnessed, *outlines, *polygons, whole),
+        *(calibration, scene, rig, matches, *outlines, *polygons, whole),
         rp.read_cloud(folder() / "cloud.ply"),
         rp.SceneFrame(demo.image, few, demo.camera),
         rp.Prior(camera_near=pose.camera_center, camera_near_sigma_m=0.5),

@@ -21,7 +21,6 @@ WORLDS = [rp.WorldRegion.from_polygon(POSE.inverse().transform(SIGN))]
 SMALL = rp.ImageRegion.from_mask(np.pad(np.ones((60, 90), dtype=np.bool_), ((40, 140), (80, 150))))
 
 TAKE_PHOTOS: dict[str, Callable[[Photo, rp.Camera], object]] = {
-    "estimate_with_scene": lambda photo, camera: rp.estimate_with_scene(camera, IMAGES, WORLDS, photo, POINTS),
     "check_alignment": lambda photo, camera: rp.check_alignment(photo, POINTS, camera, POSE),
     "SceneFrame": lambda photo, camera: rp.SceneFrame(photo, POINTS, camera),
     "colorize": lambda photo, camera: rp.colorize(POINTS, photo, camera, POSE),
@@ -35,7 +34,6 @@ TAKE_MASKS: dict[str, Callable[[rp.ImageRegion], object]] = {
     "estimate_rig": lambda region: rp.estimate_rig(CAMERA, [rp.Frame([region], WORLDS)]),
     "match_regions": lambda region: rp.match_regions(CAMERA, [region], WORLDS),
     "overlap_errors": lambda region: rp.overlap_errors(CAMERA, [region], WORLDS, POSE),
-    "estimate_with_scene": lambda region: rp.estimate_with_scene(CAMERA, [region], WORLDS, PHOTO, POINTS),
     "check_alignment": lambda region: rp.check_alignment(PHOTO, POINTS, CAMERA, POSE, regions=[region]),
     "SceneFrame": lambda region: rp.SceneFrame(PHOTO, POINTS, CAMERA, [region]),
     "overlay_regions": lambda region: rp.overlay_regions(PHOTO, CAMERA, POSE, [region], WORLDS),
@@ -96,7 +94,7 @@ def test_a_long_narrow_photo_is_taken_like_any(shape: tuple[int, int]) -> None:
     assert rp.colorize(points, photo, camera, rp.Pose.from_quat([0, 0, 0, 1], [0, 0, 0]))[1].any()
     drawn = rp.overlay_depth(photo, camera, rp.Pose.from_quat([0, 0, 0, 1], [0, 0, 0]), points)
     assert drawn.shape[0] == height and drawn.shape[1] > width
-    assert np.isnan(rp.check_alignment(photo, points, camera, POSE).score)
+    assert rp.check_alignment(photo, points, camera, POSE).log_odds == 0.0
 
 
 def test_a_photo_in_whose_middle_the_camera_sees_no_ray_is_named() -> None:

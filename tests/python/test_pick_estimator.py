@@ -22,7 +22,7 @@ from regionpose.pick.texts import outcome_html
 from regionpose.pictures.colors import project_points
 from regionpose.progress import UnwantedError, check_wanted, while_wanted
 from regionpose.scene import Stages
-from regionpose.scene.estimate import heard
+from regionpose.scene.estimate import with_edges
 
 WAIT_S = 60.0
 """Seconds that a busy machine may take for what takes one."""
@@ -80,10 +80,10 @@ def test_the_regions_pose_comes_first_and_then_that_of_the_whole_scene(
     first, last = shown
     assert (first.state, last.state) == ("regions", "ready")
     assert all(stages) and stages[0] != stages[1] and desk.stage == ""
-    assert first.run is not None and first.run.witness is None
-    assert last.run is not None and last.run.witness is not None
+    assert first.run is not None and first.run.calibration is None
+    assert last.run is not None and last.run.calibration is not None
     assert "rp-trusted" not in outcome_html(first) and "rp-trusted" in outcome_html(last)
-    np.testing.assert_array_equal(heard(first.run).estimate.pose.matrix, last.run.estimate.pose.matrix)
+    np.testing.assert_array_equal(with_edges(first.run).estimate.pose.matrix, last.run.estimate.pose.matrix)
 
 
 def test_the_cloud_is_drawn_over_the_photo_at_the_current_pose(session: Session, ends: list[str]) -> None:
@@ -116,7 +116,7 @@ def ends(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
     held: list[str] = []
 
     def forever(run: object, stages: Stages) -> None:
-        stages.begin("witness")
+        stages.begin("edges")
         try:
             while True:
                 check_wanted()
@@ -125,7 +125,7 @@ def ends(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
             held.append("abandoned")
             raise
 
-    monkeypatch.setattr(estimator, "heard", forever)
+    monkeypatch.setattr(estimator, "with_edges", forever)
     yield held
 
 
@@ -168,7 +168,7 @@ def test_the_rest_of_a_scene_ends_soon_after_nobody_waits(session: Session) -> N
 
     def work() -> None:
         with while_wanted(is_wanted.is_set), pytest.raises(UnwantedError):
-            heard(run, Stages(lambda _: began.set()))
+            with_edges(run, Stages(lambda _: began.set()))
         ended.set()
 
     threading.Thread(target=work, daemon=True).start()

@@ -252,7 +252,7 @@ def settled(desk: Desk, state: str) -> bool:
 
 def test_regions_of_one_side_are_matched_as_they_are_picked(session: Session) -> None:
     clicks = (DOOR, BOARD, CHALKBOARD)
-    session.base["solver"] = {"witness": False}
+    session.base["solver"] = {"edges": False}
     desk = Desk(session)
     try:
         for pixel, _ in clicks:

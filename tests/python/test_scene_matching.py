@@ -110,7 +110,7 @@ def plates_cloud(folder: Path) -> None:
 def test_planes_of_the_cloud_are_matched(tmp_path: Path) -> None:
     plates_cloud(tmp_path)
     values = unpaired("floor", "wall") | {"cloud": "cloud.npy", "world_regions": "planes"}
-    values["solver"] = {"witness": False}
+    values["solver"] = {"edges": False}
     run = estimate_scene(load_scene(write_scene(tmp_path, values)))
     assert (run.estimate.pose.rotation * POSE.rotation.inv()).magnitude() < np.radians(0.5)
     held = run.sides.matching
@@ -259,7 +259,7 @@ def test_the_demo_needs_no_pairs(tmp_path: Path) -> None:
     scene = plain_value(yaml_node((demo_folder() / "scene.yaml").read_text(encoding="utf-8")))
     for key in ("camera", "image", "cloud"):
         scene[key] = str(demo_folder() / scene[key])
-    scene["solver"] = {"witness": False}
+    scene["solver"] = {"edges": False}
     paired = tmp_path / "paired.yaml"
     paired.write_text(to_yaml(scene), encoding="utf-8")
     regions = scene.pop("regions")

@@ -1,6 +1,7 @@
 //! Sums of log likelihood ratios under the edges of a cloud, against ones taken edge by edge in double precision.
 
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, Vector2, Vector3, Vector6};
 use regionpose::Pose;
@@ -63,7 +64,7 @@ fn edges(count: usize) -> CloudEdges {
 fn frame(edges: &CloudEdges, half_field: f64, project: impl Fn(&Vector3<f64>) -> Vector2<f64>) -> Frame {
     let [width, height] = SIZE;
     let values = picture();
-    let pictures = REDUCTIONS.map(|reduction| LogRatios::new(&values, height, width, reduction).unwrap());
+    let pictures = REDUCTIONS.map(|reduction| Arc::new(LogRatios::new(&values, height, width, reduction).unwrap()));
     let pixels = |bearings: &[Vector3<f64>]| Ok::<_, Error>(bearings.iter().map(&project).collect());
     let projection = Projection::new(SIZE.map(|size| size as f64), pixels).unwrap();
     Frame::new(PhotoView { projection, pictures, half_field }, edges, Vector3::new(0.3, -0.2, 0.1))

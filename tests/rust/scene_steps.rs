@@ -1,12 +1,10 @@
-//! Steps of depth and shade of points, and the strength of edges under them.
+//! Steps of depth and shade of points, and pictures that are spread.
 
 use crate::support::random::Random;
-use nalgebra::{Matrix2x3, Matrix2x6, SMatrix, SVector, Vector2, Vector3, Vector6};
+use nalgebra::{Vector2, Vector3};
 use proptest::prelude::*;
-use regionpose::alignment::agreement::{EdgeStrength, SeenStep};
 use regionpose::alignment::blur::blurred;
 use regionpose::alignment::edges::{Seen, Step};
-use regionpose::alignment::evidence::SeenSteps;
 
 /// Between neighbors of the grid, about, rad.
 const SPACING: f64 = 0.02;
@@ -162,97 +160,10 @@ fn a_shade_that_is_no_number_leaves_the_rest_their_steps() {
 }
 
 #[test]
-fn means_are_those_of_the_pixels_that_turns_lead_to() {
-    let values: Vec<f32> = (0..2 * 4 * 5).map(|k| k as f32).collect();
-    let strength = EdgeStrength::new(&values, 4, 5).expect("two pictures");
-    // A turn about x moves the step down, about y to the right.
-    let moved = Matrix2x3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0);
-    let step = |x, y, direction| SeenStep { pixel: Vector2::new(x, y), moved, direction };
-    let turns = [Vector3::zeros(), Vector3::x(), Vector3::y() * 2.0, Vector3::x() * -100.0];
-    let means = strength.means(&[step(1.2, 1.4, 0), step(1.0, 1.0, 1)], &turns);
-    assert_eq!(means, [(6.0 + 26.0) / 2.0, (11.0 + 31.0) / 2.0, (8.0 + 28.0) / 2.0, (1.0 + 21.0) / 2.0]);
-    assert_eq!(strength.means(&[], &turns), [0.0; 4]);
-    assert_eq!(strength.means(&[step(1.0, 1.0, 7)], &turns), [0.0; 4]);
-    assert_eq!(strength.means(&[step(f64::NAN, 1e300, 0)], &turns[..1]), [15.0]);
-}
-
-/// Steps that increments move across pictures with waves, some of them to outside.
-fn waves<const D: usize>() -> (Vec<f32>, Vec<SeenStep<D>>) {
-    let wave = |k: usize| ((k % 40) as f64 * 0.37).sin() + ((k / 40) as f64 * 0.23).cos();
-    let mut random = Random::new(5);
-    let steps = (0..200).map(|number| SeenStep {
-        pixel: Vector2::new(random.uniform(-2.0, 42.0), random.uniform(-2.0, 32.0)),
-        moved: SMatrix::from_fn(|_, _| random.uniform(-3.0, 3.0)),
-        direction: number % 3,
-    });
-    let steps = steps.collect();
-    ((0..2 * 30 * 40).map(|k| wave(k) as f32).collect(), steps)
-}
-
-#[test]
-fn derivatives_of_sums_are_those_of_differences() {
-    derivatives_are_those_of_differences::<6>();
-    derivatives_are_those_of_differences::<7>();
-}
-
-fn derivatives_are_those_of_differences<const D: usize>() {
-    let (values, steps) = waves::<D>();
-    let pictures = EdgeStrength::new(&values, 30, 40).expect("two pictures");
-    let at = SVector::<f64, D>::from_fn(|k, _| 0.11 * k as f64 - 0.2);
-    let (_, slope) = pictures.sums(&SeenSteps::new(&steps), &[at])[0];
-    // Between pixels the value is linear in each coordinate: steps that small cross a pixel's border but rarely.
-    let h = 1e-7;
-    for axis in 0..D {
-        let ends = [h, -h].map(|h| {
-            let mut near = at;
-            near[axis] += h;
-            pictures.sums(&SeenSteps::new(&steps), &[near])[0].0
-        });
-        let difference = (ends[0] - ends[1]) / (2.0 * h);
-        assert!((difference - slope[axis]).abs() < 1e-5 * slope.amax(), "{axis}: {difference} {}", slope[axis]);
-    }
-}
-
-#[test]
-fn sums_at_many_increments_are_those_at_each() {
-    let (values, steps) = waves();
-    let pictures = EdgeStrength::new(&values, 30, 40).expect("two pictures");
-    // Some of which move steps outside.
-    let increments: Vec<_> =
-        (0..9).map(|k| Vector6::from_fn(|axis, _| 0.3 * f64::from(k) - 0.1 * axis as f64)).collect();
-    let alone: Vec<_> =
-        increments.iter().map(|increment| pictures.sums(&SeenSteps::new(&steps), &[*increment])[0]).collect();
-    assert_eq!(pictures.sums(&SeenSteps::new(&steps), &increments), alone);
-    assert!(pictures.sums(&SeenSteps::new(&steps), &[]).is_empty());
-}
-
-#[test]
 fn a_picture_is_spread_by_its_weights_and_mirrored_beyond_its_sides() {
     assert_eq!(blurred(&[0.0, 0.0, 16.0, 0.0, 0.0, 0.0], 3, &[0.5, 0.25]), [0.0, 3.0, 9.0, 0.0, 1.0, 3.0]);
     // Weights that reach far beyond: whatever is mirrored, they leave what is the same all over as it is.
     assert_eq!(blurred(&[8.0; 6], 2, &[0.0, 0.125, 0.0, 0.125, 0.125, 0.125]), [8.0; 6]);
     assert_eq!(blurred(&[1.0, 2.0], 2, &[]), [1.0, 2.0]);
     assert!(blurred(&[], 2, &[1.0, 1.0]).is_empty() && blurred(&[1.0], 0, &[1.0]).is_empty());
-}
-
-#[test]
-fn sums_are_those_of_the_pixels_and_of_nothing_outside() {
-    let values: Vec<f32> = (0..2 * 4 * 5).map(|k| k as f32).collect();
-    let pictures = EdgeStrength::new(&values, 4, 5).expect("two pictures");
-    let moved = Matrix2x6::from_fn(|row, column| if row == column { 1.0 } else { 0.0 });
-    let step = |x, y, direction| SeenStep { pixel: Vector2::new(x, y), moved, direction };
-    let sum = |steps: &[SeenStep<6>], x: f64| {
-        pictures.sums(&SeenSteps::new(steps), &[Vector6::new(x, 0.0, 0.0, 0.0, 0.0, 0.0)])[0].0
-    };
-    assert_eq!(sum(&[step(1.0, 1.0, 0), step(1.0, 1.0, 1)], 0.0), 6.0 + 26.0);
-    assert_eq!(sum(&[step(1.0, 1.5, 0)], 0.25), 6.25 + 2.5);
-    let outside = [step(-0.1, 1.0, 0), step(4.0, 1.0, 0), step(1.0, 3.0, 1), step(1.0, 1.0, 2), step(f64::NAN, 0.0, 0)];
-    assert_eq!(pictures.sums(&SeenSteps::new(&outside), &[Vector6::zeros()]), [(0.0, Vector6::zeros())]);
-}
-
-#[test]
-fn pictures_that_values_do_not_fill_are_none() {
-    for (count, rows, columns) in [(0, 4, 5), (21, 4, 5), (20, 0, 5), (20, usize::MAX, 2)] {
-        assert!(EdgeStrength::new(&vec![0.0; count], rows, columns).is_none());
-    }
 }

@@ -1,38 +1,33 @@
-"""How well the steps of a cloud lie on the edges of a photo at a pose, against poses that are turned."""
+"""How well a photo and a cloud agree at a pose, however that was found."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
+from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
-from regionpose.alignment.odds import HIDDEN, log_odds
+from regionpose.alignment.edge_frame import EdgeFrame
+from regionpose.alignment.frame import SceneFrame
+from regionpose.alignment.odds import HIDDEN
 from regionpose.alignment.photo import Photo
-from regionpose.alignment.steps import (
-    TURNED_COUNT,
-    Known,
-    SeenSteps,
-    Steps,
-    far_turns,
-    seen_steps,
-)
-from regionpose.alignment.visibility import Occlusion
+from regionpose.alignment.pose_search import Density, log_mass, search_about
+from regionpose.alignment.visibility import Occlusion, occlusions
+from regionpose.arguments import checked_arguments
 from regionpose.arrays import KeptArrays
 from regionpose.cameras import Camera
+from regionpose.estimation.prior import Prior
+from regionpose.pose import Pose
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.world import WorldRegion
 
 Array = NDArray[np.float64]
 
-LEAST_STEPS = 20
-"""Steps in view below which nothing is said: the mean of so few differs by 0.06, about as much as right poses stand
-out."""
-
-TOLERANCE_DEG, TOLERANCE_STEP_DEG, ROLLS_DEG = 1.0, 0.25, (0.0, -0.7, 0.7)
-"""How far about a pose the best agreement is looked for, and how finely: what regions, calibrations and times leave
-open."""
+TOLERANCE_DEG, TOLERANCE_M = 0.5, 0.1
+"""Deviations, about and along each axis, of a pose that is right from the one at which photo and cloud agree: what
+regions, calibrations and the times of photo and scan leave open. Conventions."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,99 +37,105 @@ class Alignment(KeptArrays):
     Parameters
     ----------
     places : (n, 2) array
-        Pixels of the photo where the cloud's steps of depth and intensity are seen.
+        Pixels of the photo where the cloud's edges, of depth and of intensity, are seen at the pose.
     agrees : (n,) array of bool
-        Whether an edge stands out there.
-    score : float
-        The mean strength of edges under them, of the best turn of the camera within a degree; NaN where too few steps
-        are in view to say anything, or the photo has no edges.
-    turn : (3,) array
-        That turn, a rotation vector about the camera's axes, rad.
-    turned : (t,) array
-        The same scores at poses turned by 3 to 8 degrees; empty where the score is NaN.
+        Whether the photo more likely than not shows an edge there.
+    edge_log_odds : float
+        Logarithm of the odds that edges agree at a pose within half a degree and 10 cm (1 sigma) of this one, rather
+        than by chance; 0 where none are in view.
+    nearest : Pose
+        The likeliest of these poses; the pose itself where none is likelier than chance.
     occlusions : tuple of Occlusion
         How much of each region the cloud hides; empty where no regions of the world were given.
     """
 
     places: Array
     agrees: NDArray[np.bool_]
-    score: float
-    turn: Array
-    turned: Array
+    edge_log_odds: float
+    nearest: Pose
     occlusions: tuple[Occlusion, ...] = ()
 
     @property
-    def z(self) -> float:
-        """How far the score lies above those of the turned poses, in their standard deviations; NaN where nothing is
-        said.
-        """
-        return self.lead / self.deviation
-
-    @property
-    def share_worse(self) -> float:
-        """Share of the turned poses whose score is lower; NaN without evidence."""
-        return float(np.mean(self.turned < self.score)) if len(self.turned) else float("nan")
-
-    @property
     def log_odds(self) -> float:
-        """Logarithm of the odds for the pose that the agreement makes, and what it hides; 0 without evidence."""
+        """Logarithm of the odds for the pose that the agreement makes, and what it hides."""
         return self.edge_log_odds + (HIDDEN if any(each.is_hidden for each in self.occlusions) else 0.0)
 
     @property
-    def edge_log_odds(self) -> float:
-        """The same of the agreement alone."""
-        return log_odds(self.lead, self.deviation) if len(self.turned) else 0.0
-
-    @property
-    def lead(self) -> float:
-        """How far the score lies above the mean of those of the turned poses; NaN without evidence."""
-        return self.score - float(self.turned.mean()) if len(self.turned) else float("nan")
-
-    @property
-    def deviation(self) -> float:
-        """Standard deviation of the scores of the turned poses; NaN without evidence."""
-        return float(self.turned.std(ddof=1)) if len(self.turned) else float("nan")
+    def share(self) -> float:
+        """Share of the cloud's edges in view that lie on edges of the photo; NaN without any."""
+        return float(np.mean(self.agrees)) if len(self.agrees) else float("nan")
 
     def __repr__(self) -> str:
         """What it says, in numbers."""
         hidden = f", hidden={sum(each.is_hidden for each in self.occlusions)}" if self.occlusions else ""
-        return f"Alignment(steps={len(self.places)}, z={self.z:.2f}, log_odds={self.log_odds:.2f}{hidden})"
+        return f"Alignment(edges={len(self.places)}, share={self.share:.2f}, log_odds={self.log_odds:.2f}{hidden})"
 
 
-def aligned(
-    photo: Photo, camera: Camera, steps: Steps, known: Known | None, hidden: tuple[Occlusion, ...] = ()
+@checked_arguments
+def check_alignment(
+    image: ArrayLike | Photo,
+    points: ArrayLike,
+    camera: Camera,
+    pose: Pose,
+    *,
+    regions: Sequence[ImageRegion] = (),
+    world_regions: Sequence[WorldRegion] = (),
+    intensity: ArrayLike | None = None,
 ) -> Alignment:
-    """How well a photo agrees with steps as its camera would see them, without known ones; `hidden`: what the cloud
-    hides of the regions.
+    """How well photo and cloud agree at a pose, however it was found.
+
+    Edges of the points' depth and intensity as the camera would see them, against edges of the photo; and whether
+    points stand before the regions that the photo shows.
+
+    Parameters
+    ----------
+    image : (h, w) or (h, w, 3) array, or Photo
+        uint8, uint16 or floats in [0, 1]; a `Photo` of it saves work for more than one pose.
+    points : (n, 3) array
+        World coordinates, meters.
+    camera : Camera
+        That took the photo.
+    pose : Pose
+        `camera_from_world`.
+    regions : sequence of ImageRegion
+        Those that the pose comes from; edges in and beside them are left out, since they agree at any pose that the
+        regions allow.
+    world_regions : sequence of WorldRegion
+        Those at the places of `regions`, of which it says how much the points hide; none by default.
+    intensity : (n,) array, optional
+        What the scanner received from each point, on any scale; brightness of colors if they are not from this photo.
+
+    Raises
+    ------
+    ValueError
+        For other shapes, for an image of another size than the camera's, and for world regions of another number than
+        regions.
     """
-    here = seen_steps(photo, camera, steps, known)
-    turned = [seen_steps(photo, camera, steps.turned(turn)) for turn in Rotation.from_rotvec(far_turns())]
-    turned = [seen for seen in turned if len(seen.places) >= LEAST_STEPS]
-    says = len(here.places) >= LEAST_STEPS and len(turned) >= TURNED_COUNT // 2
-    score, turn = _best_turn(photo, here) if says else (float("nan"), np.zeros(3))
-    others = np.array([_best_turn(photo, seen)[0] for seen in turned] if says else [])
-    if says and others.min() == others.max():
-        # Such as a photo of one shade, which has no edge anywhere.
-        score, others = float("nan"), others[:0]
-    return Alignment(photo.pixels(here.places), _agrees(photo, here), score, turn, others, hidden)
+    frame = SceneFrame(image, points, camera, regions, intensity, world_regions)
+    return aligned(frame, EdgeFrame(frame, pose.camera_center), pose)
 
 
-def _best_turn(photo: Photo, seen: SeenSteps) -> tuple[float, Array]:
-    turns = _tolerated_turns()
-    means = _core.edge_agreement(photo.strength, seen.places, seen.moved, seen.directions, turns)
-    best = int(means.argmax())
-    return float(means[best]), turns[best]
+def aligned(frame: SceneFrame, edges: EdgeFrame, pose: Pose) -> Alignment:
+    """How well a frame's photo and cloud agree at a pose, by their `edges`."""
+    hidden = occlusions(frame.regions, frame.world_regions, frame.points, frame.camera, pose)
+    places, agrees = _seen(frame.photo, edges, pose)
+    near = Prior(initial=pose, initial_rotation_sigma_deg=TOLERANCE_DEG, initial_center_sigma_m=TOLERANCE_M)
+    modes = search_about([edges], pose, Density.of_prior(near, edges.origin)) if len(places) else []
+    odds = log_mass(modes) if modes else 0.0
+    nearest = modes[0].pose if odds > 0.0 else pose
+    return Alignment(frame.photo.pixels(places), agrees, odds, nearest, hidden)
 
 
-def _agrees(photo: Photo, seen: SeenSteps) -> NDArray[np.bool_]:
-    """Under which steps (n,) an edge stands out, as they are seen."""
-    columns, rows = np.clip(np.round(seen.places).astype(np.int64), 0, np.array(photo.luminance.shape[::-1]) - 1).T
-    return np.asarray(photo.strength[seen.directions, rows, columns] > 0.0)
-
-
-@cache
-def _tolerated_turns() -> Array:
-    """Rotation vectors (t, 3), rad, within what a pose may be off."""
-    across = np.arange(-TOLERANCE_DEG, TOLERANCE_DEG + 0.5 * TOLERANCE_STEP_DEG, TOLERANCE_STEP_DEG)
-    grid = np.meshgrid(across, across, ROLLS_DEG, indexing="ij")
-    return np.asarray(np.radians(np.stack(grid, axis=-1).reshape(-1, 3)))
+def _seen(photo: Photo, edges: EdgeFrame, pose: Pose) -> tuple[Array, NDArray[np.bool_]]:
+    """Pixels (n, 2) of the reduced photo where edges are seen at a pose, beside regions, and whether it shows an edge
+    there.
+    """
+    frame, local = edges.seen_from(pose.camera_center, with_regions=False), pose.about(edges.origin)
+    places, directions = frame.seen(local.rotation.as_matrix(), local.translation)
+    columns, rows = np.round(places).astype(np.int64).T
+    height, width = photo.luminance.shape
+    shown = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+    if edges.covered is not None:
+        shown[shown] = ~edges.covered[rows[shown], columns[shown]]
+    ratios = photo.log_ratios(float(_core.edge_spreads()[-1]))[directions[shown], rows[shown], columns[shown]]
+    return places[shown], np.asarray(ratios > 0.0)

@@ -1,46 +1,48 @@
-"""Whether other focal lengths explain the edges of photo and cloud better than the given ones, and what these do to the
-pose (docs/math.md, eq. 18.13 to 18.15).
+"""Whether other focal lengths explain the edges of photos and clouds better than the given ones, and what these do to
+the pose (docs/math.md, section 18).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
-from regionpose.alignment.focal_curve import Estimated, FocalCurve, FocalPrior, zoomed
-from regionpose.alignment.frame import SceneFrame
-from regionpose.alignment.odds import COMMON, DECISIVE
-from regionpose.alignment.posterior import Peak, Seen, log_odds_of
+from regionpose import _core
+from regionpose.alignment.edge_frame import EdgeFrame
+from regionpose.alignment.hypotheses import Hypothesis
+from regionpose.alignment.odds import DECISIVE, SHARED_ERROR_PRIOR
+from regionpose.alignment.pose_search import Density, EdgeMode, log_mass
 from regionpose.arrays import KeptArrays
 from regionpose.cameras.matrix import MatrixCamera
 from regionpose.estimation.answer import PoseEstimate
+from regionpose.estimation.prior import Prior
+from regionpose.estimation.warning import PoseWarning
 from regionpose.pose import Pose
 
 Array = NDArray[np.float64]
 
-NODES = (-0.2, -0.1, 0.0, 0.1, 0.2)
-"""Logarithms about which the edges are asked, and of which the poses follow from those at three."""
+FOCAL_STEP = 0.01
+"""Change of the logarithm of the focal lengths over which the pose's derivative is taken: a percent."""
 
-SPREAD = 0.05
-"""Standard deviation of the logarithm about each: such normal distributions, half as wide as they are apart, add up to
-an even one, up to 28 % off."""
+STEPS = (0.03, 0.015, 0.0075)
+"""Steps of the logarithm by which others are looked at: the first two by the edges of the spread of 4 pixels, within
+which half a step moves most of what a photo of 1,000 pixels shows, the last by the finest ones. By 8 pixels right focal
+lengths do not stand out."""
 
-GIVEN_SPREAD = 0.01
-"""Standard deviation of the logarithm about the given ones, if these are right: a percent, twice what a calibration is
-good for (`estimation.intrinsics.WEAK_SHARE`)."""
+GROUPS = ((-7, -6, -5, -4), (-3, -2, -1), (1, 2, 3), (4, 5, 6, 7))
+"""Which of the widest steps are looked at, a fifth up and down, as another setting of a zoom lens or a data sheet may
+be off; those of a group by the edges that are seen from the pose in its middle."""
 
-OTHER = 2.0 * GIVEN_SPREAD
-"""Logarithm beyond which focal lengths are others than the given ones."""
+CLOSER = 3
+"""How many of them, the likeliest, are looked at more closely."""
 
 
 @dataclass(frozen=True, eq=False)
 class FocalEvidence(KeptArrays):
-    """What the edges of photo and cloud say of the focal lengths.
+    """What the edges of photos and clouds say of the focal lengths.
 
     Parameters
     ----------
@@ -49,9 +51,7 @@ class FocalEvidence(KeptArrays):
     factor : float
         By which the given ones are multiplied where photo and cloud agree best.
     shift : (6,) array
-        Left increment of the pose, rad and meters, if they are a percent longer: what no covariance holds. To first
-        order; of the refined pose where photo and cloud refined it.
-
+        Left increment of the pose, rad and meters, if they are a percent longer, to first order.
     """
 
     log_odds: float
@@ -63,94 +63,122 @@ class FocalEvidence(KeptArrays):
         """How far a percent moves the camera center, meters."""
         return float(np.linalg.norm(self.shift[3:]))
 
-
-def focal_evidence(
-    estimate: PoseEstimate, scene: Sequence[SceneFrame], estimated: Estimated, refined: Pose | None = None
-) -> FocalEvidence | None:
-    """What the edges say of the focal lengths of the camera of all frames; None of a camera that has no matrix, and
-    where no pose is found with other ones.
-
-    With focal lengths up to a quarter longer or shorter the regions' pose is another one; about each the edges are
-    asked as in `refine_with_scene`, the focal lengths unknown beside the pose, and so are the given ones by the same
-    steps. The pose that this led to with the given ones, `refined`, is one of the maxima there.
-    """
-    camera = scene[0].camera
-    if not isinstance(camera, MatrixCamera):
-        return None
-    curve = FocalCurve.of(camera, estimate, estimated)
-    if curve is None:
-        return None
-    known = [] if refined is None else [refined]
-    given = FocalPrior(curve, scene, 0.0, GIVEN_SPREAD)
-    seen = given.seen(known)
-    others = [FocalPrior(curve, scene, node, SPREAD) for node in NODES if node in curve]
-    compared = [_Compared.of(given, seen, other, [] if other.log_focal else known) for other in others]
-    # Where steps count less they tell less, not another thing.
-    found = max(compared, key=lambda each: (_mass(each.best) - each.given) / each.share).best
-    # Less likely than chance they would decide nothing.
-    if not (abs(found[0]) > OTHER and _mass(found) > 0.0 and _agrees(camera, found, scene)):
-        compared = [each._replace(others=0.0) for each in compared]
-    ratios = logsumexp([each.others - each.given for each in compared])
-    log_odds = np.log1p(-COMMON) - np.log(COMMON / len(compared)) - ratios
-    slope = curve.slope if refined is None else _slope_at(refined, seen.peaks)
-    return FocalEvidence(float(log_odds), float(np.exp(found[0])), 0.01 * slope)
+    @property
+    def warnings(self) -> tuple[PoseWarning, ...]:
+        """That other focal lengths are likelier, in spite of what a calibration counts."""
+        if self.log_odds > -DECISIVE:
+            return ()
+        text = (
+            "photo and cloud agree better with focal lengths {factor:.2f} times as long, by odds of e^{log_odds:.0f} to"
+            " 1"
+        )
+        values = {"factor": self.factor, "log_odds": -self.log_odds}
+        return (PoseWarning("focal-contradicted", text, (), values),)
 
 
-def _slope_at(pose: Pose, peaks: Sequence[Peak]) -> Array:
-    """The derivative (6,) of the likeliest pose by the logarithm of the focal lengths, where both are unknown, at the
-    maximum nearest to a pose.
+@dataclass(frozen=True, eq=False)
+class ByFocal:
+    """The maxima near a pose by the focal lengths: in what a prior allows, or about the answer of regions, which moves
+    with them.
     """
 
-    def variances(peak: Peak) -> float:
-        increment = peak.pose.increment_to(pose)
-        return float(increment @ np.linalg.solve(peak.covariance[:6, :6], increment))
-
-    covariance = min(peaks, key=variances).covariance
-    return np.asarray(covariance[:6, 6] / covariance[6, 6])
-
-
-class _Compared(NamedTuple):
-    """Log odds of the given focal lengths and of others, by the same steps; of maxima about these the best one, its
-    logarithm first; and what the steps count, of all frames together; 1 where there are none.
-    """
-
-    given: float
-    others: float
-    best: tuple[float, Peak]
-    share: float
+    frames: Sequence[EdgeFrame]
+    about: Prior | PoseEstimate
 
     @classmethod
-    def of(cls, given: FocalPrior, seen: Seen, other: FocalPrior, known: Sequence[Pose]) -> _Compared:
-        """The given focal lengths, with which steps are `seen`, and others, with which maxima near poses are known."""
-        about = other.seen(known)
-        right, peaks, shares = seen.peaks, about.peaks, about.shares
-        # Other steps are other data: both are asked of those that are likelier where they are seen from.
-        if log_odds_of(peaks) > log_odds_of(right):
-            right = given.maxima_by(about, right)
-        else:
-            peaks, shares = other.maxima_by(seen, peaks), seen.shares
-        return cls(
-            _log_odds(right, 0.0, given=True),
-            _log_odds(peaks, other.log_focal, given=False),
-            max(((other.log_focal + peak.log_focal, peak) for peak in peaks), key=_mass),
-            sum(shares) or 1.0,
-        )
+    def of(
+        cls, frames: Sequence[EdgeFrame], best: Hypothesis, prior: Prior, regions: PoseEstimate | None
+    ) -> ByFocal | None:
+        """About the best hypothesis; `regions`: the estimate whose first answer it may be about. None of cameras that
+        have no focal lengths, and of regions that leave a direction free.
+        """
+        if not all(isinstance(frame.camera, MatrixCamera) for frame in frames):
+            return None
+        if best.answer is None or regions is None:
+            return cls(frames, prior)
+        return cls(frames, regions) if np.isfinite(regions.covariance).all() else None
+
+    def seen_from(self, center: Array) -> list[_core.AlignmentFrame]:
+        """The frames with the edges that are seen from a center (3,)."""
+        return [frame.seen_from(center, with_regions=isinstance(self.about, Prior)) for frame in self.frames]
+
+    def maxima(
+        self, cores: Sequence[_core.AlignmentFrame], log_focal: float, start: Pose, spread: int = 3
+    ) -> list[EdgeMode]:
+        """Those that a start leads to with focal lengths of this logarithm over the given ones, by edges no finer than
+        a spread, by its number.
+        """
+        pairs = zip(self.frames, cores, strict=True)
+        zoomed = [frame.zoomed(core.at_spread(spread), log_focal) for frame, core in pairs]
+        return self._density(log_focal).maxima(zoomed, [start])
+
+    def _density(self, log_focal: float) -> Density:
+        origin, about = self.frames[0].origin, self.about
+        if isinstance(about, Prior):
+            return Density.of_prior(about, origin)
+        pose = about.pose.moved(log_focal * self.shift)
+        # The second order is as large as the first one for each unit of the logarithm: what is known of it.
+        bend = log_focal**2 * self.shift
+        return Density.student(pose, about.covariance + np.outer(bend, bend), origin)
+
+    @property
+    def shift(self) -> Array:
+        """The derivative (6,) of the regions' pose by the logarithm; zero of a prior's, and where it isn't known."""
+        return np.zeros(6) if isinstance(self.about, Prior) else np.nan_to_num(self.about.focal_shift)
 
 
-def _log_odds(peaks: Sequence[Peak], log_focal: float, *, given: bool) -> float:
-    """Those of maxima about a logarithm that are the given focal lengths', or others'; or those of chance, which any do
-    as well as where the photo shows no steps.
+def focal_evidence(by_focal: ByFocal, best: Hypothesis) -> FocalEvidence:
+    """What the edges say of the focal lengths of the camera of all frames."""
+    cores = by_focal.seen_from(best.pose.camera_center)
+    shift = _derivative(by_focal, cores, best)
+    way, given = np.nan_to_num(shift), _gain(by_focal.maxima(cores, 0.0, best.pose))
+
+    found: dict[float, list[EdgeMode]] = {}
+    for numbers in GROUPS:
+        # Longer focal lengths move the camera, which then sees other edges.
+        middle = best.pose.moved(float(np.mean(numbers)) * STEPS[0] * way)
+        there = by_focal.seen_from(middle.camera_center)
+        for step in (number * STEPS[0] for number in numbers):
+            found[step] = by_focal.maxima(there, step, best.pose.moved(step * way), 2)
+    gains: dict[float, float] = {}
+    for step in sorted(found, key=lambda step: _gain(found[step]), reverse=True)[:CLOSER]:
+        gains |= {each: gain - given for each, gain in _closer(by_focal, step, found[step]).items()}
+    factor = max(gains, key=lambda step: gains[step], default=0.0)
+    count = len(found) * STEPS[0] / STEPS[2]
+    prior = np.log(1.0 - SHARED_ERROR_PRIOR) - np.log(SHARED_ERROR_PRIOR / count)
+    log_odds = float(prior - np.logaddexp.reduce([0.0, *gains.values()]))
+    return FocalEvidence(log_odds, float(np.exp(factor)) if gains.get(factor, 0.0) > 0.0 else 1.0, 0.01 * shift)
+
+
+def _gain(modes: Sequence[EdgeMode]) -> float:
+    """Logarithm of the odds of maxima and chance over chance: less likely than that they decide nothing."""
+    return float(np.logaddexp(0.0, log_mass(modes)))
+
+
+def _closer(by_focal: ByFocal, log_focal: float, modes: Sequence[EdgeMode]) -> dict[float, float]:
+    """Gains by the finest edges about a logarithm of the focal lengths, by coarse maxima there and the edges that are
+    seen from these.
     """
-    held = [peak for peak in peaks if (abs(log_focal + peak.log_focal) <= OTHER) is given]
-    return float(np.logaddexp(0.0, log_odds_of(held)))
+    if not modes:
+        return {}
+    pose, cores = modes[0].pose, by_focal.seen_from(modes[0].pose.camera_center)
+    middles = {
+        log_focal + sign * STEPS[1]: by_focal.maxima(cores, log_focal + sign * STEPS[1], pose, 2) for sign in (-1, 0, 1)
+    }
+    middle = max(middles, key=lambda each: _gain(middles[each]))
+    if not middles[middle]:
+        return {}
+    pose = middles[middle][0].pose
+    return {each: _gain(by_focal.maxima(cores, each, pose)) for each in (middle - STEPS[2], middle, middle + STEPS[2])}
 
 
-def _mass(found: tuple[float, Peak]) -> float:
-    return found[1].mass
-
-
-def _agrees(camera: MatrixCamera, found: tuple[float, Peak], scene: Sequence[SceneFrame]) -> bool:
-    """Whether photos and points agree by odds of 9 to 1 at a maximum, as is asked of refined poses."""
-    log_focal, peak = found
-    alignments = [zoomed(camera, log_focal, frame).alignment(peak.pose) for frame in scene]
-    return sum(alignment.edge_log_odds for alignment in alignments) > DECISIVE
+def _derivative(by_focal: ByFocal, cores: Sequence[_core.AlignmentFrame], best: Hypothesis) -> Array:
+    """The derivative (6,) of the pose by the logarithm of the focal lengths; NaN where that is not found."""
+    if best.mode is None:
+        return by_focal.shift
+    steps = (-FOCAL_STEP, FOCAL_STEP)
+    ends = [by_focal.maxima(cores, step, best.pose.moved(step * by_focal.shift)) for step in steps]
+    if not all(ends):
+        return np.full(6, np.nan)
+    low, high = (best.pose.increment_to(modes[0].pose) for modes in ends)
+    return np.asarray((high - low) / (2.0 * FOCAL_STEP))

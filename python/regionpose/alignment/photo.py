@@ -1,4 +1,4 @@
-"""The strength of a photo's edges, comparable between bright and dark, busy and bare parts."""
+"""How likely edges a photo makes, comparable between bright and dark, busy and bare parts."""
 
 from __future__ import annotations
 
@@ -22,11 +22,6 @@ MOST_PIXELS = 1_000_000
 """Pixels that are looked at; of a larger photo several are averaged. Photos of half as many find poses to a quarter of
 a degree."""
 
-REACHES_PX = (1, 4)
-"""How far an edge may lie from where it is looked for, in pixels that are looked at: those of a good pose, and of one
-that is off. Of 1, 2, 4 and 8, alone and together, those that told poses apart best or as well (the AUC of `python -m
-benchmarks.witness`)."""
-
 GRADIENT_PX = 1.0
 """Standard deviation of the Gaussian whose derivative is the gradient: convention."""
 
@@ -36,16 +31,14 @@ CONTRAST_PX = 30.0
 NOISE_LEVELS = 0.5
 """A gradient of so many of 256 levels a pixel is noise: rounding."""
 
-AROUND_PX = {1: 20, 4: 40}
-"""Width of the window whose mean an edge has to exceed, by reach: a few times as wide as the edge is spread."""
-
 SHOWN, POWER = 0.5, 4.0
 """The share of steps whose edge the photo shows, and the power of the density of its rank, 4 u^3: conventions,
 between a rank that tells nothing and one that tells all."""
 
 LEAST_WINDOW_PX, WINDOW_SPREADS = 41, 5
-"""Width of the window within which densities are made comparable: that of the widest reach of `strength`, and so many
-spreads where that is more. By a window no wider than what edges are spread by, true poses do not stand out."""
+"""Least width of the window within which densities are made comparable, a few times as wide as an edge is spread by the
+smallest photos' reduction, and so many spreads where that is more. By a window no wider than what edges are spread by,
+true poses do not stand out."""
 
 LEVELS = 1 << 12
 """Bins of the distribution of strengths, for their ranks: far more than ranks need."""
@@ -78,18 +71,6 @@ class Photo:
     def pixels(self, places: Array) -> Array:
         """Pixels (n, 2) of this photo as pixels of the original one."""
         return (places + 0.5) * self.reduction - 0.5
-
-    @cached_property
-    def strength(self) -> Pictures:
-        """Strength (k, h, w) of edges across each of `DIRECTIONS`, from x towards y.
-
-        For each reach the strongest derivative within it, as the share of the photo that has a weaker one, less the
-        mean of that about each place: where the photo is busy all over, an edge counts no more than none (docs/math.md,
-        eq. 18.2). The mean over the reaches.
-        """
-        across = self._derivatives
-        of_reach = [np.stack([_prominence(picture, reach) for picture in across]) for reach in REACHES_PX]
-        return np.asarray(sum(of_reach[1:], of_reach[0]) / np.float32(len(REACHES_PX)))
 
     @cached_property
     def ranks(self) -> Pictures:
@@ -159,27 +140,6 @@ def _luminance(colors: NDArray[np.uint8]) -> Pictures:
     levels += blue
     levels /= np.float32(3.0)
     return levels
-
-
-def _prominence(strength: Pictures, reach: int) -> Pictures:
-    ranks = _ranks(largest(strength, reach))
-    return ranks - np.asarray(uniform_filter(ranks, AROUND_PX[reach]))
-
-
-def largest(values: Pictures, reach: int) -> Pictures:
-    """The largest value (h, w) within so many pixels along both axes, of values that are not negative.
-
-    From windows of one pixel to wider ones, each the larger of two that overlap: all pixels at once, in a
-    fraction of scipy's time.
-    """
-    values, width = np.pad(values, reach), 2 * reach + 1
-    for _ in range(2):
-        reached = 1
-        while reached < width:
-            step = min(reached, width - reached)
-            values, reached = np.maximum(values[:-step], values[step:]), reached + step
-        values = values.T
-    return values
 
 
 def _ranks(values: Pictures) -> Pictures:

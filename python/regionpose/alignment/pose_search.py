@@ -1,30 +1,20 @@
-"""The poses at which the edges of clouds lie on those of photos, searched for in all that a prior allows (docs/math.md,
-section 19).
+"""The poses at which the edges of clouds lie on those of photos, searched for in all that a density allows
+(docs/math.md, section 18).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from regionpose import _core
-from regionpose.alignment.frame import SceneFrame
-from regionpose.alignment.steps import (
-    STEP_SHARE,
-    cell_and_gap,
-    checked_intensity,
-    checked_points,
-    half_field,
-    pixel_angle,
-)
+from regionpose.alignment.edge_frame import EdgeFrame
 from regionpose.arrays import KeptArrays
-from regionpose.cameras import Camera
-from regionpose.cameras.matrix import MatrixCamera
 from regionpose.estimation.prior import Prior
 from regionpose.pose import Pose
 from regionpose.progress import Progress, check_wanted
@@ -32,15 +22,18 @@ from regionpose.progress import Progress, check_wanted
 Array = NDArray[np.float64]
 
 DRAWS, KEPT = 60_000, (2_000, 400, 64)
-"""Poses that are drawn from the prior, and how many of the best by each spread are led on to the next one. Measured: of
-eight frames of four scanners, heading unknown, 200,000 and (6,000, 800, 64) find no other one, in 2.5 times the time.
+"""Poses that are drawn from the prior, and how many of the best by each spread are maximized at the next one. Measured:
+of eight frames of four scanners, heading unknown, 200,000 and (6,000, 800, 64) find no other one, in 2.5 times the
+time.
 """
 
-MOST_POINTS = 20_000
-"""Points whose distances are looked at: a median needs no more."""
+LOCAL_DRAWS, LOCAL_KEPT = 2_000, (100, 25, 8)
+"""The same about a pose that is known roughly, where the edges of few draws are farther than a spread from right
+ones."""
 
-REDUCTIONS = (8, 4, 2, 1)
-"""Pixels over which pictures are averaged, by spread: half a spread, between which they are interpolated."""
+ANEW_M = 0.02
+"""How far the likeliest camera center may lie from where edges are seen from: what moves edges of things 10 m away by a
+tenth of a degree against those behind them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,86 +62,7 @@ class EdgeMode(KeptArrays):
     edges: int
 
 
-class EdgeFrame:
-    """A photo's log likelihood ratios and a cloud's edges, as the core searches with them."""
-
-    def __init__(self, frame: SceneFrame, place: Array) -> None:
-        """Take the edges that are seen from a place (3,) of the world, such as the scanner's.
-
-        Poses are those for points about that place: far from the world's origin, turns about it are moves of
-        kilometers.
-        """
-        points = checked_points(frame.points)
-        self._frame, self._points = frame, points - place if place.any() else points
-        self._intensity = checked_intensity(frame.intensity, self._points)
-
-    @cached_property
-    def core(self) -> _core.AlignmentFrame:
-        """The frame with the edges that are seen from the scanner."""
-        check_wanted()
-        photo = self._frame.photo
-        spreads = zip(_core.edge_spreads(), REDUCTIONS, strict=True)
-        ratios = [(photo.log_ratios(spread), reduction) for spread, reduction in spreads]
-        return _core.AlignmentFrame(*self._projection(self.camera), ratios, self._near_edges, np.zeros(3))
-
-    @property
-    def edge_count(self) -> int:
-        """How many edges the cloud has, as seen from the scanner."""
-        return len(self._near_edges)
-
-    @property
-    def point_count(self) -> int:
-        """How many points the cloud has that are finite."""
-        return int(np.isfinite(self._points).all(axis=1).sum())
-
-    def seen_from(self, place: Array) -> _core.AlignmentFrame:
-        """The frame with the edges that are seen from another place (3,)."""
-        check_wanted()
-        return self.core.with_edges(self._edges(place))
-
-    def zoomed(self, log_focal: float) -> _core.AlignmentFrame:
-        """The frame as a camera of longer focal lengths would have it, by their logarithm over the given ones."""
-        camera = self.camera
-        if isinstance(camera, MatrixCamera) and log_focal:
-            camera = camera.zoomed(float(np.exp(log_focal)))
-        return self.core.with_projection(*self._projection(camera))
-
-    @property
-    def camera(self) -> Camera:
-        """That took the photo."""
-        return self._frame.camera
-
-    @property
-    def pixel_angle_rad(self) -> float:
-        """The angle of a pixel of the original photo in its middle."""
-        return pixel_angle(self.camera, self._frame.photo) / self._frame.photo.reduction
-
-    def distance_m(self, pose: Pose) -> float:
-        """The median distance of the points that the camera may see at a pose, meters; NaN where there are none."""
-        local = pose.transform(self._points[:: max(1, len(self._points) // MOST_POINTS)])
-        distances = np.linalg.norm(local, axis=1)
-        reach = np.cos(half_field(self.camera, self._frame.photo))
-        shown = distances[local[:, 2] > reach * distances]
-        return float(np.median(shown)) if len(shown) else float("nan")
-
-    def _projection(self, camera: Camera) -> tuple[_core.Projection, float]:
-        """A camera's projection onto the photo, and the largest angle from its axis that this shows, rad."""
-        photo = self._frame.photo
-        height, width = photo.luminance.shape
-        projection = _core.Projection([width, height], lambda bearings: photo.places(camera.project(bearings)))
-        return projection, half_field(camera, photo)
-
-    @cached_property
-    def _near_edges(self) -> _core.CloudEdges:
-        return self._edges(np.zeros(3))
-
-    def _edges(self, place: Array) -> _core.CloudEdges:
-        """The edges all around a place."""
-        cell, gap = cell_and_gap(self.camera, self._frame.photo, len(self._points), 4.0 * np.pi)
-        return _core.CloudEdges(self._points, place, cell, gap, STEP_SHARE, self._intensity)
-
-
-def searched(
+def search_prior(
     frames: Sequence[EdgeFrame], prior: Prior, starts: Sequence[Pose] = (), *, progress: Progress | None = None
 ) -> list[EdgeMode]:
     """The maxima of the posterior of the pose that frames share, that of the largest mass first.
@@ -156,25 +70,71 @@ def searched(
     `starts`: poses to look about beside those that are drawn from the prior. ValueError for a prior that says nothing
     of where the camera stands.
     """
-    density, report = _core.Density.of_prior(prior.core), progress or (lambda share: None)
+    density, report = Density.of_prior(prior, frames[0].origin), progress or (lambda share: None)
     cores = []
     for number, frame in enumerate(frames):
         cores.append(frame.core)
         report(0.3 * (number + 1) / len(frames))
-    modes = _modes(cores, density, starts, DRAWS, KEPT)
-    if not modes:
-        return []
+    modes = density.modes(cores, starts, DRAWS, KEPT)
     report(0.8)
-    # Edges seen from where the camera stands are other ones, the more the farther it is from the scanner.
-    place = modes[0].pose.camera_center
-    anew = maxima([frame.seen_from(place) for frame in frames], density, [mode.pose for mode in modes])
+    modes = _or_seen_anew(modes, density, lambda center: [frame.seen_from(center) for frame in frames], density.origin)
     report(1.0)
-    return max(modes, anew, key=log_mass)
+    return modes
 
 
-def maxima(frames: Sequence[_core.AlignmentFrame], density: _core.Density, starts: Sequence[Pose]) -> list[EdgeMode]:
-    """The maxima that starts lead to, that of the largest mass first."""
-    return _modes(frames, density, starts, 0, (len(starts),) * len(KEPT))
+def search_about(frames: Sequence[EdgeFrame], pose: Pose, density: Density) -> list[EdgeMode]:
+    """The maxima of the posterior about a pose, by the edges beside the frames' regions; that of the largest mass
+    first.
+    """
+    center = pose.camera_center
+
+    def seen_from(center: Array) -> list[_core.AlignmentFrame]:
+        return [frame.seen_from(center, with_regions=False) for frame in frames]
+
+    modes = density.modes(seen_from(center), [pose], LOCAL_DRAWS, LOCAL_KEPT)
+    return _or_seen_anew(modes, density, seen_from, center)
+
+
+class Density(NamedTuple):
+    """A density of poses; `origin` (3,): the place of the world about which the core has it."""
+
+    core: _core.Density
+    origin: Array
+
+    @classmethod
+    def of_prior(cls, prior: Prior, origin: Array) -> Density:
+        """That of a prior; ValueError for one that says nothing of where the camera stands."""
+        return cls(_core.Density.of_prior(prior.about(origin).core), origin)
+
+    @classmethod
+    def student(cls, pose: Pose, covariance: Array, origin: Array) -> Density:
+        """Student's about a pose whose covariance (6, 6) is known but roughly."""
+        local = pose.about(origin)
+        return cls(_core.Density.student(local.rotation.as_matrix(), local.translation, covariance), origin)
+
+    def maxima(self, frames: Sequence[_core.AlignmentFrame], starts: Sequence[Pose]) -> list[EdgeMode]:
+        """The maxima of the posterior of the pose that frames share to which starts lead, that of the largest mass
+        first.
+        """
+        return self.modes(frames, starts, 0, (len(starts),) * len(KEPT))
+
+    def modes(
+        self, frames: Sequence[_core.AlignmentFrame], starts: Sequence[Pose], draws: int, kept: Sequence[int]
+    ) -> list[EdgeMode]:
+        """The same about so many drawn poses, too, of which so many are kept by spread."""
+        check_wanted()
+        local = [start.about(self.origin) for start in starts]
+        given = [(start.rotation.as_matrix(), start.translation) for start in local]
+        found = _core.search_poses(list(frames), self.core, given, draws, list(kept))
+        # Where photos show no edge, the prior is all that is known.
+        return [
+            EdgeMode(self._pose(rotation, translation), covariance, mass, ratio, edges)
+            for rotation, translation, covariance, mass, ratio, edges in found
+            if edges
+        ]
+
+    def _pose(self, rotation: Array, translation: Array) -> Pose:
+        return Pose(Rotation.from_matrix(rotation), translation).about(-self.origin)
 
 
 def log_mass(modes: Sequence[EdgeMode]) -> float:
@@ -182,19 +142,16 @@ def log_mass(modes: Sequence[EdgeMode]) -> float:
     return float(np.logaddexp.reduce([mode.log_mass for mode in modes])) if modes else -np.inf
 
 
-def _modes(
-    frames: Sequence[_core.AlignmentFrame],
-    density: _core.Density,
-    starts: Sequence[Pose],
-    draws: int,
-    kept: Sequence[int],
+def _or_seen_anew(
+    modes: list[EdgeMode],
+    density: Density,
+    seen_from: Callable[[Array], Sequence[_core.AlignmentFrame]],
+    center: Array,
 ) -> list[EdgeMode]:
-    check_wanted()
-    given = [(start.rotation.as_matrix(), start.translation) for start in starts]
-    found = _core.search_poses(list(frames), density, given, draws, list(kept))
-    # Where photos show no edge, the prior is all that is known.
-    return [
-        EdgeMode(Pose(Rotation.from_matrix(rotation), translation), covariance, mass, ratio, edges)
-        for rotation, translation, covariance, mass, ratio, edges in found
-        if edges
-    ]
+    """The maxima, or those that they lead to by the edges that are seen from the likeliest one, if these are likelier:
+    from elsewhere than a center (3,) a camera sees other ones.
+    """
+    if not modes or np.linalg.norm(modes[0].pose.camera_center - center) < ANEW_M:
+        return modes
+    anew = density.maxima(seen_from(modes[0].pose.camera_center), [mode.pose for mode in modes])
+    return max(modes, anew, key=log_mass)

@@ -11,7 +11,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import binary_closing
 
-from regionpose.alignment.steps import STEP_SHARE, checked_points
+from regionpose.alignment.views import EDGE_SHARE, checked_points
 from regionpose.cameras import Camera
 from regionpose.pose import Pose
 from regionpose.regions.image import ImageRegion
@@ -135,7 +135,7 @@ def _shadows(world: WorldRegion, points: Array, center: Array) -> tuple[NDArray[
         # 0 at the camera, 1 on the plane; a curved surface begins before its mean plane.
         way = (points @ normal - normal @ center) / height
         begins = 1.0 if surface is None else min(1.0, float(((surface[0] - center) @ normal / height).min()))
-        nearer = np.flatnonzero((way > 0.0) & (way < (1.0 - STEP_SHARE) * begins))
+        nearer = np.flatnonzero((way > 0.0) & (way < (1.0 - EDGE_SHARE) * begins))
     shadows = (points[nearer] - center) / way[nearer, None] + (center - origin)
     return nearer, shadows @ np.transpose(flat)
 

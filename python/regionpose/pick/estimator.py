@@ -11,7 +11,7 @@ from regionpose.pick.outcome import Outcome
 from regionpose.pick.session import Session
 from regionpose.progress import UnwantedError, while_wanted
 from regionpose.scene import Stages
-from regionpose.scene.estimate import asks_rest, heard
+from regionpose.scene.estimate import uses_edges, with_edges
 
 DEBOUNCE_S = 0.35
 """Seconds without an edit after which the pose is estimated: a pause, not the time between two clicks."""
@@ -19,8 +19,7 @@ DEBOUNCE_S = 0.35
 STAGES = {
     "matching": "Matching regions",
     "pose": "The regions' pose",
-    "witness": "Photo and cloud away from the regions",
-    "focal lengths": "Other focal lengths",
+    "edges": "Edges of photo and cloud",
 }
 """What the page calls the stages of an estimate."""
 
@@ -118,10 +117,10 @@ class Estimator:
         """Tell the pose of the regions as soon as it is there, and then that of the whole scene."""
         stages = Stages(running.begin)
         run = session.estimate_regions(stages)
-        keys, goes_on = session.keys_of(run.sides.names), asks_rest(run)
+        keys, goes_on = session.keys_of(run.sides.names), uses_edges(run)
         self._tell(running, Outcome.of(run, keys, "regions" if goes_on else "ready"))
         if goes_on:
-            self._tell(running, Outcome.of(heard(run, stages), keys))
+            self._tell(running, Outcome.of(with_edges(run, stages), keys))
 
     def _tell(self, running: Running, outcome: Outcome) -> None:
         with self._lock:

@@ -20,7 +20,7 @@ class Outcome:
     """The last estimate, or why there is none.
 
     `state`: "empty" without a pair; "busy", `run` being that of earlier regions, if any; "regions", `run` being by the
-    regions alone and the rest of the scene being heard; "stopped", nobody having waited for that; "ready" or "failed".
+    regions alone and edges being looked at; "stopped", nobody having waited for that; "ready" or "failed".
     `message`: what went wrong. `run`: the estimate.
     `projected`: by the regions' keys, outlines in the photo as lines of pixels. `fits`: how each region fits, by key.
     """

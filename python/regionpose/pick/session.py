@@ -497,7 +497,7 @@ class Session:
         return estimate_sides(self.sides(), stages)
 
     def estimate_regions(self, stages: Stages | None = None) -> SceneEstimate:
-        """The pose by the regions alone, which is there soon; `scene.estimate.heard` goes on with it."""
+        """The pose by the regions alone, which is there soon; `scene.estimate.with_edges` goes on with it."""
         sides = self.sides()
         return estimate_regions(sides.scene, [sides], stages)
 

@@ -23,7 +23,7 @@ from regionpose.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 
-__all__ = ["depth_colors", "overlay_depth", "overlay_regions", "overlay_steps", "projected_lines"]
+__all__ = ["depth_colors", "overlay_depth", "overlay_edges", "overlay_regions", "projected_lines"]
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ OUTSIDE: Color = (255, 255, 255)
 LINE_SHARE, DOT_SHARE = 1 / 700, 1 / 1300
 """Width of a line and radius of a dot over the image's diagonal."""
 
-STEP_SHARE = 1 / 600
+EDGE_DOT_SHARE = 1 / 600
 """Radius of a step's dot over the image's diagonal: seen without hiding the edge that it lies on."""
 
 THINNEST_LINE = 1.5
@@ -175,12 +175,12 @@ def overlay_depth(
     return with_bar(picture, near, far)
 
 
-def overlay_steps(image: ArrayLike, alignment: Alignment) -> Bytes:
+def overlay_edges(image: ArrayLike, alignment: Alignment) -> Bytes:
     """The image (h, w, 3) with the steps of an `Alignment`: green where an edge of the photo stands out, magenta
     where none does.
     """
     picture = checked_image(image).copy()
-    radius = STEP_SHARE * float(np.hypot(*picture.shape[:2]))
+    radius = EDGE_DOT_SHARE * float(np.hypot(*picture.shape[:2]))
     for agrees, color in ((False, DISAGREES), (True, AGREES)):
         draw_dots(picture, alignment.places[alignment.agrees == agrees], radius, color)
     return picture

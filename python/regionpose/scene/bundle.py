@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from regionpose.clouds import Cloud, write_ply
 from regionpose.pictures.colors import colored_cloud
-from regionpose.pictures.overlays import overlay_depth, overlay_regions, overlay_steps
+from regionpose.pictures.overlays import overlay_depth, overlay_edges, overlay_regions
 from regionpose.pictures.png import save_png
 from regionpose.pictures.splat import splatted, viewpoints
 from regionpose.pose import Pose
@@ -74,7 +74,7 @@ def _frame_names(scene: Scene) -> list[str]:
     if not has_pairs(scene):
         return [DEPTH, EDGES, RUNNER_UP, CLOUD]
     before = [] if given_pose(scene) is None else [BEFORE]
-    edges = [EDGES] if scene.model.solver.witness else []
+    edges = [EDGES] if scene.model.solver.edges else []
     return [OVERLAY, *before, *([DEPTH, *edges, CLOUD] if scene.model.cloud is not None else [])]
 
 
@@ -168,9 +168,10 @@ def pictures(run: SceneEstimate) -> dict[str, Figure]:
     if sides.cloud is not None:
         depth = overlay_depth(sides.image, sides.camera, run.local_pose, sides.cloud.local_points)
         made[DEPTH] = Figure(depth, "The cloud's points that the camera sees, colored by their distance from it.")
-    if run.witness is not None and run.witness.told:
-        made[EDGES] = Figure(overlay_steps(sides.image, run.witness.told[0]), EDGES_CAPTION)
-    if run.calibration is not None and run.estimate.alternatives and sides.cloud is not None:
+    for alignment in run.alignments:
+        if alignment is not None:
+            made[EDGES] = Figure(overlay_edges(sides.image, alignment), EDGES_CAPTION)
+    if run.is_by_edges and run.estimate.alternatives and sides.cloud is not None:
         other = run.estimate.alternatives[0].pose.about(sides.origin)
         made[RUNNER_UP] = Figure(
             overlay_depth(sides.image, sides.camera, other, sides.cloud.local_points), RUNNER_UP_CAPTION

@@ -4,28 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from itertools import accumulate
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.alignment import (
-    Alignment,
-    Calibration,
-    Estimated,
-    Photo,
-    SceneFrame,
-    SceneRefinement,
-    SceneWitness,
-    calibrate,
-    refined_estimate,
-    witnessed,
-)
+from regionpose.alignment import Alignment, Calibration, Photo, RegionEvidence, SceneFrame, calibrate_with
 from regionpose.arguments import checked_arguments
 from regionpose.cameras import Camera
 from regionpose.estimation.answer import PoseEstimate
 from regionpose.estimation.frame_scatter import FrameScatter
+from regionpose.estimation.options import Solver
 from regionpose.estimation.prior import Prior
 from regionpose.estimation.rig import Frame, FrameFit, Influence, estimate_rig
 from regionpose.estimation.sample_fit import SampleFit, sample_fit
@@ -50,17 +40,15 @@ class SceneEstimate:
     """The pose of a scene's camera in the world of its clouds, and what it came from.
 
     `scene`: the whole of it. `frames`: the photos and clouds, one unless the scene has several. `estimate`: of all
-    their regions, frame after frame. `seconds` per stage. `witness`: what the rest of the scene said, None where it
-    wasn't asked. `fits`, `influence`, `scatter`: how each of several frames fits, what the others say
-    without it, and how far frames are off as wholes. `calibration`: of a scene without regions, how its pose was found
-    by the edges of photos and clouds; None of others.
+    their regions, frame after frame. `seconds` per stage. `fits`, `influence`, `scatter`: how each of several frames
+    fits, what the others say without it, and how far frames are off as wholes. `calibration`: what the edges of photos
+    and clouds say, with the regions or without any; None where they were not looked at.
     """
 
     scene: Scene
     frames: tuple[SceneSides, ...]
     estimate: PoseEstimate
     seconds: dict[str, float]
-    witness: SceneWitness | None = None
     fits: tuple[FrameFit, ...] = ()
     influence: tuple[Influence, ...] = ()
     scatter: FrameScatter | None = None
@@ -92,10 +80,31 @@ class SceneEstimate:
             return self
         overlap_error = self.fits[index].overlap_error if self.fits else float("nan")
         estimate = replace(self.estimate, region_overlap_errors=errors, overlap_error=overlap_error, warnings=())
-        witness = self.witness and self.witness.of_frame(index)
+        alignment, found = self.alignments[index], self.calibration
+        if found is not None:
+            found = replace(found, alignments=() if alignment is None else (alignment,))
         return replace(
-            self, frames=(self.frames[index],), estimate=estimate, witness=witness, fits=(), influence=(), scatter=None
+            self,
+            frames=(self.frames[index],),
+            estimate=estimate,
+            fits=(),
+            influence=(),
+            scatter=None,
+            calibration=found,
         )
+
+    @property
+    def alignments(self) -> tuple[Alignment | None, ...]:
+        """How well photo and cloud of each frame agree; None of a frame without a cloud, or where that was not looked
+        at.
+        """
+        found = iter(() if self.calibration is None else self.calibration.alignments)
+        return tuple(None if sides.cloud is None else next(found, None) for sides in self.frames)
+
+    @property
+    def is_by_edges(self) -> bool:
+        """Whether the pose is by edges alone, the scene having no regions."""
+        return self.calibration is not None and self.calibration.regions is None
 
     @property
     def scanner(self) -> SensorOrigin | None:
@@ -188,7 +197,7 @@ def estimate_frames(scene: Scene, given: Sequence[SceneSides], stages: Stages | 
     stages = stages or Stages()
     if not has_regions(given):
         return estimate_edges(scene, given, stages)
-    return heard(estimate_regions(scene, given, stages), stages)
+    return with_edges(estimate_regions(scene, given, stages), stages)
 
 
 def has_regions(frames: Sequence[SceneSides]) -> bool:
@@ -198,29 +207,13 @@ def has_regions(frames: Sequence[SceneSides]) -> bool:
 
 def estimate_edges(scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None) -> SceneEstimate:
     """The one pose of all frames by the edges of their photos and clouds alone, as of `calibrate`."""
-    stages, frames = stages or Stages(), tuple(given)
-    origin, scanner = frames[0].origin, _scanner(frames)
-    photos = [frame for frame in scene_frames(frames) if frame is not None]
-    with stages.stage("pose"):
-        found = _explained(
-            lambda: calibrate(
-                photos,
-                prior=_edge_prior(frames).about(origin),
-                sensor_origin=None if scanner is None else scanner.place - origin,
-                solver=scene_solver(scene),
-                progress=stages.progress,
-            ),
-            frames,
-        )
-    with stages.stage("witness"):
-        alignments = tuple(None if frame is None else frame.alignment(found.pose) for frame in scene_frames(frames))
-    estimate = _in_world(found.estimate, frames)
-    evidence = SceneWitness(alignments, estimate.confidence, 0, 1 + len(estimate.alternatives))
-    return SceneEstimate(scene, frames, estimate, stages.seconds, witness=evidence, calibration=found)
+    frames, stages = tuple(given), stages or Stages()
+    found = _calibrated(frames, None, _edge_prior(frames), scene_solver(scene), stages)
+    return SceneEstimate(scene, frames, _in_world(found.estimate, frames), stages.seconds, calibration=found)
 
 
 def estimate_regions(scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None) -> SceneEstimate:
-    """The one pose of all frames by their regions alone, before the rest of the scene is `heard`; errors as above."""
+    """The one pose of all frames by their regions alone, before edges are looked at; errors as above."""
     stages = stages or Stages()
     frames = tuple(_matched(sides, stages, frame_label(sides.scene, k, len(given))) for k, sides in enumerate(given))
     with stages.stage("pose"):
@@ -259,40 +252,48 @@ def _run(
     )
 
 
-def asks_rest(run: SceneEstimate) -> bool:
-    """Whether the rest of the scene is to be heard: the scene wants it, and there is a cloud."""
-    return run.scene.model.solver.witness and any(sides.cloud is not None for sides in run.frames)
+def uses_edges(run: SceneEstimate) -> bool:
+    """Whether edges are to be looked at: the scene wants it, and there is a cloud."""
+    return run.scene.model.solver.edges and any(sides.cloud is not None for sides in run.frames)
 
 
-def heard(run: SceneEstimate, stages: Stages | None = None) -> SceneEstimate:
-    """The run of regions alone after the rest of the scene was heard, as far as the scene asks for that.
+def with_edges(run: SceneEstimate, stages: Stages | None = None) -> SceneEstimate:
+    """The run of regions alone with the edges of photos and clouds in the same posterior, as far as the scene asks for
+    that.
 
     It takes far longer than the regions' pose; `progress.while_wanted` ends it.
     """
-    stages = stages or Stages()
-    if not asks_rest(run):
+    if not uses_edges(run):
         return run
-    rest = RestOfScene(run.frames)
+    origin, solver, latest = run.frames[0].origin, scene_solver(run.scene), run
+    if run.scatter is not None:
+        sigma_deg, sigma_m = run.scatter.rotation_sigma_deg, run.scatter.center_sigma_m
+        solver = replace(solver, frame_sigma_deg=sigma_deg, frame_sigma_m=sigma_m)
 
-    def settled(pose: Pose) -> PoseEstimate:
-        nonlocal run
+    def reestimate(pose: Pose) -> PoseEstimate:
+        nonlocal latest
         check_wanted()
-        run = _run(run.scene, run.frames, run.seconds, pose)
-        return run.estimate
+        latest = _run(run.scene, run.frames, run.seconds, pose.about(-origin))
+        return _rebased(latest.estimate, origin)
 
-    def zoomed(camera: Camera, pose: Pose) -> PoseEstimate:
-        check_wanted()
-        stages.tell("focal lengths")
-        frames = tuple(replace(sides, camera=camera) for sides in run.frames)
-        return _run(run.scene, frames, run.seconds, pose).estimate
+    counts = accumulate((len(sides.names) for sides in run.frames), initial=0)
+    starts = tuple(start for start, sides in zip(counts, run.frames, strict=False) if sides.cloud is not None)
+    regions = RegionEvidence(_rebased(run.estimate, origin), run.camera, _regions(run.frames), starts, reestimate)
+    found = _calibrated(run.frames, regions, run.prior, solver, stages or Stages())
+    return replace(latest, estimate=_rebased(found.estimate, -origin), calibration=found)
 
-    with stages.stage("witness"):
-        refine = None
-        if run.scene.model.solver.refine == "scene":
-            refine = partial(rest.refined, zoomed, lambda: run.scatter)
-        counts = [len(sides.names) for sides in run.frames]
-        told = witnessed(run.estimate, rest.align, settled, refine, counts)
-    return replace(run, estimate=told.estimate, witness=told.witness)
+
+def _calibrated(
+    frames: Sequence[SceneSides], regions: RegionEvidence | None, prior: Prior, solver: Solver, stages: Stages
+) -> Calibration:
+    """What edges say, with regions or without, about the local origin."""
+    origin, scanner = frames[0].origin, _scanner(frames)
+    photos = [frame for frame in scene_frames(frames) if frame is not None]
+    place = None if scanner is None else scanner.place - origin
+    with stages.stage("edges"):
+        return _explained(
+            lambda: calibrate_with(photos, regions, prior.about(origin), place, solver, stages.progress), frames
+        )
 
 
 def _edge_prior(frames: Sequence[SceneSides]) -> Prior:
@@ -321,42 +322,6 @@ def scene_frames(frames: Sequence[SceneSides]) -> list[SceneFrame | None]:
     ]
 
 
-class RestOfScene:
-    """The photos and the clouds of a scene away from its regions, for poses in the clouds' world."""
-
-    def __init__(self, frames: Sequence[SceneSides]) -> None:
-        """Take the frames, those without a cloud left out."""
-        self._camera, self._regions, self._origin = frames[0].camera, _regions(frames), frames[0].origin
-        self._solver = scene_solver(frames[0].scene)
-        self._frames = scene_frames(frames)
-
-    def align(self, pose: Pose) -> tuple[Alignment | None, ...]:
-        """How well they agree at a pose, frame by frame; None of a frame without a cloud."""
-        local = pose.about(self._origin)
-        return tuple(None if frame is None else frame.alignment(local) for frame in self._frames)
-
-    def refined(
-        self, zoomed: Estimated, scatter: Callable[[], FrameScatter | None], estimate: PoseEstimate
-    ) -> tuple[PoseEstimate, SceneRefinement]:
-        """An estimate with its pose refined by them if they say enough, and what they said; `zoomed`: the estimate with
-        another camera, started at a pose; `scatter` tells how far frames are off as wholes, where they do.
-        """
-
-        def estimated(camera: Camera, pose: Pose) -> PoseEstimate:
-            world = zoomed(camera, pose.about(-self._origin))
-            return replace(world, pose=world.pose.about(self._origin))
-
-        frames = [frame for frame in self._frames if frame is not None]
-        local = replace(estimate, pose=estimate.pose.about(self._origin))
-        solver, scattered = self._solver, scatter()
-        if scattered is not None:
-            sigma_deg, sigma_m = scattered.rotation_sigma_deg, scattered.center_sigma_m
-            solver = replace(solver, frame_sigma_deg=sigma_deg, frame_sigma_m=sigma_m)
-        moved, found = refined_estimate(local, frames, self._camera, *self._regions, estimated, solver)
-        world = replace(found, pose=found.pose.about(-self._origin), before=estimate.pose)
-        return replace(moved, pose=world.pose), world
-
-
 def _explained(action: Callable[[], Value], frames: Sequence[SceneSides]) -> Value:
     """What `action` returns; its errors say what spoke against the regions beforehand, too: often the cause."""
     try:
@@ -382,7 +347,10 @@ def _warnings(frames: Sequence[SceneSides]) -> tuple[PoseWarning, ...]:
 
 def _in_world(local: PoseEstimate, frames: Sequence[SceneSides]) -> PoseEstimate:
     """The estimate about the local origin in the clouds' world, with the warnings from before the pose."""
-    origin = frames[0].origin
-    alternatives = tuple(replace(other, pose=other.pose.about(-origin)) for other in local.alternatives)
-    warnings = (*local.warnings, *_warnings(frames))
-    return replace(local, pose=local.pose.about(-origin), alternatives=alternatives, warnings=warnings)
+    return replace(_rebased(local, -frames[0].origin), warnings=(*local.warnings, *_warnings(frames)))
+
+
+def _rebased(estimate: PoseEstimate, origin: Array) -> PoseEstimate:
+    """The estimate for points about an origin (3,)."""
+    alternatives = tuple(replace(other, pose=other.pose.about(origin)) for other in estimate.alternatives)
+    return replace(estimate, pose=estimate.pose.about(origin), alternatives=alternatives)

@@ -120,22 +120,10 @@ def _check_references(scene: Scene) -> None:
     if any(with_pairs) and not all(with_pairs):
         place = () if not scene.model.frames else ("frames", with_pairs.index(False))
         raise scene.document.error(place, "found no region, but some in other frames; needed some in all, or in none")
-    _check_solver(scene)
     prior = scene.model.prior
     for key, of in DEVIATIONS_OF.items():
         if getattr(prior, key) is not None and getattr(prior, of) is None:
             raise scene.error(("prior", key), f"found a deviation of nothing; needed the key {of}")
-
-
-def _check_solver(scene: Scene) -> None:
-    """Pass unless the rest of the scene is asked to refine where it isn't there or isn't to be heard."""
-    solver = scene.model.solver
-    if solver.refine != "scene" or "refine" not in solver.model_fields_set:
-        return
-    if all(frame.model.cloud is None for frame in scene.frames):
-        raise scene.error(("solver", "refine"), "found scene, but no cloud; needed the key cloud in the scene")
-    if not solver.witness:
-        raise scene.error(("solver", "refine"), "found scene, but witness is false; needed witness: true")
 
 
 def _check_frames(scene: Scene) -> None:
@@ -172,9 +160,9 @@ def _check_exposure(scene: Scene) -> None:
     if model.regions or model.image_regions or model.world_regions:
         found = "found regions of one side; needed some with both sides, or image_regions and world_regions"
         raise scene.error(("regions",), found)
-    if model.cloud is None or not model.solver.witness:
+    if model.cloud is None or not model.solver.edges:
         found = "found no region; needed one with both sides, image_regions and world_regions, or a cloud whose edges"
-        raise scene.error(("regions",), f"{found} are compared with the photo's (solver.witness)")
+        raise scene.error(("regions",), f"{found} are compared with the photo's (solver.edges)")
 
 
 def has_pairs(scene: Scene) -> bool:

@@ -384,18 +384,15 @@ class SolverItem(Item):
         Field(description="edge length of the mesh's triangles over the root of the region's area, with mesh alone"),
     ] = None
     refine: Annotated[
-        Literal["contour", "scene", "none"],
-        Field(
-            description="on the regions' contours; scene: then on the edges of the rest of photo and cloud, where both"
-            " are there"
-        ),
-    ] = "scene"
+        Literal["contour", "none"],
+        Field(description="whether the regions' pose is refined on their contours"),
+    ] = "contour"
     driver: Annotated[Literal["scipy", "native"] | None, Field(description="scipy when left out")] = None
     start: Annotated[
         Literal["global", "paper"], Field(description="paper: from the paper's own start, or the initial pose, alone")
     ] = "global"
-    witness: Annotated[
-        bool, Field(description="whether photo and cloud are compared away from the regions, where both are there")
+    edges: Annotated[
+        bool, Field(description="whether the edges of photo and cloud count beside the regions, where both are there")
     ] = True
     frame_sigma_deg: Annotated[
         NotNegative,

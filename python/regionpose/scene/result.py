@@ -8,7 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from regionpose.alignment import Calibration
+from regionpose.estimation.answer import PoseEstimate
 from regionpose.estimation.warning import PoseWarning
 from regionpose.exporting.view import camera_values
 from regionpose.pose import Pose
@@ -71,7 +74,6 @@ def _told_of_fit(run: SceneEstimate) -> dict[str, Any]:
         "boundary_noise_px": estimate.boundary_noise_px,
         "disturbed_share": estimate.disturbed_share,
         "scene_agreement": agreement_values(run),
-        "scene_refinement": refinement_values(run),
         "edge_search": edge_search_values(run),
         "sensor_origin": sensor_origin_values(run),
         "camera_near": camera_near_values(run),
@@ -145,43 +147,15 @@ def warning_values(warning: PoseWarning, names: tuple[str, ...]) -> dict[str, An
 
 
 def agreement_values(run: SceneEstimate) -> dict[str, Any] | None:
-    """How well photo and cloud agree away from the regions; None where they were not compared."""
-    witness = run.witness
-    if witness is None:
+    """How well photos and clouds agree at the pose beside the regions; None where they were not compared."""
+    held = [alignment for alignment in run.alignments if alignment is not None]
+    if not held:
         return None
-    alone = {}
-    if len(witness.told) == 1:
-        alignment = witness.told[0]
-        alone = {
-            "z": alignment.z,
-            "share_of_turned_poses_worse": alignment.share_worse,
-            "turn_deg": np.degrees(alignment.turn),
-        }
+    agrees = np.concatenate([alignment.agrees for alignment in held])
     return {
-        "steps": sum(len(alignment.places) for alignment in witness.told),
-        **alone,
-        "log_odds": witness.log_odds,
-        "confidence_before": witness.confidence_before,
-        "place_before": witness.place + 1,
-        "answers": witness.answers,
-    }
-
-
-def refinement_values(run: SceneEstimate) -> dict[str, Any] | None:
-    """What the edges of the rest of the scene did to the pose; None where they were not asked."""
-    refinement = None if run.witness is None else run.witness.refinement
-    if refinement is None:
-        return None
-    focal = refinement.focal
-    return {
-        "refined": refinement.refined,
-        "log_odds": refinement.log_odds,
-        "steps": sum(refinement.steps),
-        "turned_deg": refinement.turned_deg,
-        "moved_m": refinement.moved_m,
-        "focal": focal
-        and {"log_odds": focal.log_odds, "best_factor": focal.factor, "moved_m_by_1_percent": focal.shift_m},
-        "camera_from_world_before": pose_values(refinement.before),
+        "edges": len(agrees),
+        "share_on_edges": float(np.mean(agrees)) if len(agrees) else None,
+        "log_odds": sum(alignment.log_odds for alignment in held),
     }
 
 
@@ -228,8 +202,8 @@ def region_values(run: SceneEstimate) -> list[dict[str, Any]]:
 
 def hidden_shares(run: SceneEstimate) -> list[float | None]:
     """How much of each region of a frame the cloud hides; None where that was not looked at."""
-    told = () if run.witness is None else run.witness.told
-    return [each.share for alignment in told for each in alignment.occlusions] or [None] * len(run.names)
+    held = [alignment for alignment in run.alignments if alignment is not None]
+    return [each.share for alignment in held for each in alignment.occlusions] or [None] * len(run.names)
 
 
 def matching_values(run: SceneEstimate) -> list[dict[str, Any]] | None:
@@ -286,14 +260,14 @@ def _unfitted_frame(view: SceneEstimate, folder: Path) -> dict[str, Any]:
 
 
 def edge_search_values(run: SceneEstimate) -> dict[str, Any] | None:
-    """How the pose of a scene without regions was found by the edges of photos and clouds; None of other scenes.
+    """What the edges of photos and clouds say of the pose; None where they were not looked at.
 
-    Logarithms of odds: for the pose over chance anywhere in what was searched, and over the likeliest other place.
+    Logarithms of odds: for the pose over chance, and over the likeliest other place.
     """
     found = run.calibration
     if found is None:
         return None
-    prior = found.prior.about(-run.sides.origin)
+    prior, focal = found.prior.about(-run.sides.origin), found.focal
     initial = prior.initial
     return {
         "log_odds": found.log_odds,
@@ -309,6 +283,22 @@ def edge_search_values(run: SceneEstimate) -> dict[str, Any] | None:
             "initial_center_sigma_m": prior.initial_center_sigma_m,
         },
         "assumed": list(found.assumed),
+        "focal": focal
+        and {"log_odds": focal.log_odds, "best_factor": focal.factor, "moved_m_by_1_percent": focal.shift_m},
+        "regions": None if found.regions is None else _before_values(found, found.regions, run.sides.origin),
+    }
+
+
+def _before_values(found: Calibration, regions: PoseEstimate, origin: NDArray[np.float64]) -> dict[str, Any]:
+    """The regions' answer alone, and what edges did to it."""
+    before = regions.pose if found.before is None else found.before
+    return {
+        "confidence": regions.confidence,
+        "answers": 1 + len(regions.alternatives),
+        "rank": None if found.rank_before is None else found.rank_before + 1,
+        "turned_deg": found.turned_deg,
+        "moved_m": found.moved_m,
+        "camera_from_world": pose_values(before.about(-origin)),
     }
 
 

@@ -97,9 +97,9 @@ def verdict(run: SceneEstimate) -> Verdict:
     """
     estimate = run.estimate
     codes = {warning.code for warning in estimate.warnings}
-    advice = ADVICE if run.calibration is None else ADVICE | EDGE_ADVICE
+    advice = ADVICE | EDGE_ADVICE if run.is_by_edges else ADVICE
     remarks = tuple((warning.message_for(run.names), advice.get(warning.code, "")) for warning in estimate.warnings)
-    fit = _fit(run) + _heard(run)
+    fit = _fit(run) + _by_edges(run)
     turn, shift = float(np.max(estimate.rotation_sigma_deg)), float(np.max(estimate.translation_sigma_m))
     sigma = f"{angle_text(turn)} and {length_text(shift)} (1 sigma; {_limits(run)}){_by_focal(run)}"
     if not codes:
@@ -130,34 +130,35 @@ def _limits(run: SceneEstimate) -> str:
     return f"trusted up to {angle_text(most_deg)} and {length_text(most_m)}"
 
 
-def _heard(run: SceneEstimate) -> str:
-    """What the rest of photo and cloud did to the pose: chose it among answers, refined it."""
-    witness = run.witness
-    if witness is None or run.calibration is not None:
+def _by_edges(run: SceneEstimate) -> str:
+    """What the edges of photo and cloud did to the regions' pose: chose it among answers, refined it."""
+    found = run.calibration
+    if found is None or found.regions is None:
         return ""
+    rank, count = found.rank_before, 1 + len(found.regions.alternatives)
+    if rank is None:
+        return "; edges of photo and cloud lead to a pose that the regions alone don't have"
     said = []
-    unsettled = any(warning.code == "ambiguous" for warning in run.estimate.warnings)
-    if witness.answers > 1 and (witness.place or not unsettled):
-        said.append(f"choose this pose of {witness.answers} that fit")
-    refinement = witness.refinement
-    if refinement is not None and refinement.refined:
-        said.append(f"move it by {angle_text(refinement.turned_deg)} and {length_text(refinement.moved_m)}")
-    return f"; photo and cloud away from the regions {' and '.join(said)}" if said else ""
+    if rank or (count > 1 and not any(warning.code == "ambiguous" for warning in run.estimate.warnings)):
+        said.append(f"choose this pose of {count} that fit")
+    if found.is_refined:
+        said.append(f"refine it by {angle_text(found.turned_deg)} and {length_text(found.moved_m)}")
+    return f"; edges of photo and cloud {' and '.join(said)}" if said else ""
 
 
 def _by_focal(run: SceneEstimate) -> str:
     """What an error of the focal lengths adds to that, where it is known."""
-    refinement = None if run.witness is None else run.witness.refinement
-    if refinement is None or refinement.focal is None:
+    found = run.calibration
+    if found is None or found.focal is None or found.regions is None:
         return ""
-    return f"; focal lengths 1 % off would move it by {length_text(refinement.focal.shift_m)}"
+    return f"; focal lengths 1 % off would move it by {length_text(found.focal.shift_m)}"
 
 
 def _fit(run: SceneEstimate) -> str:
     """How the projected regions fit the observed ones: by their samples where all have such, else by their areas; of a
     scene without regions how the edges of photos and clouds agree.
     """
-    if run.calibration is not None:
+    if run.calibration is not None and run.is_by_edges:
         edges, log_odds = f"The edges of {_count(len(run.frames), 'cloud')}", run.calibration.log_odds
         if log_odds < DECISIVE:
             return f"{edges} lie on those of {_photos(run)} nowhere much better than by chance"

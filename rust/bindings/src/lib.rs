@@ -21,7 +21,7 @@ mod warnings;
 #[pyo3::pymodule]
 mod _core {
     #[pymodule_export]
-    use crate::alignment::{SeenSteps, blurred, edge_agreement, scene_steps};
+    use crate::alignment::blurred;
     #[pymodule_export]
     use crate::contours::{contour_pieces, nearest_edges};
     #[pymodule_export]

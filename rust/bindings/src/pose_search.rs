@@ -1,5 +1,7 @@
 //! The search of a pose by the edges of photos and clouds.
 
+use std::sync::Arc;
+
 use nalgebra::{Vector2, Vector3};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyValueError};
@@ -111,9 +113,9 @@ impl AlignmentFrame {
     ) -> PyResult<Self> {
         let refused =
             || PyValueError::new_err(format!("ratios needs {SPREADS} pictures (4, h, w) with a pixel or more"));
-        let pictures: Option<Vec<LogRatios>> =
-            ratios.iter().map(|(values, reduction)| picture(values, *reduction)).collect();
-        let pictures: [LogRatios; SPREADS] = pictures.and_then(|made| made.try_into().ok()).ok_or_else(refused)?;
+        let pictures: Option<Vec<Arc<LogRatios>>> =
+            ratios.iter().map(|(values, reduction)| picture(values, *reduction).map(Arc::new)).collect();
+        let pictures: [Arc<LogRatios>; SPREADS] = pictures.and_then(|made| made.try_into().ok()).ok_or_else(refused)?;
         let view = PhotoView { projection: projection.0.clone(), pictures, half_field };
         Ok(Self(Frame::new(view, &edges.0, vector("origin", origin)?)))
     }
@@ -128,6 +130,12 @@ impl AlignmentFrame {
         Self(self.0.with_projection(&projection.0, half_field))
     }
 
+    /// The same, which spreads finer than one, by its number, do not make finer; ValueError for another number.
+    fn at_spread(&self, spread: usize) -> PyResult<Self> {
+        check_spread(spread)?;
+        Ok(Self(self.0.at_spread(spread)))
+    }
+
     /// The sum of log likelihood ratios at a pose, by the number of a spread.
     fn log_ratio(
         &self,
@@ -135,9 +143,7 @@ impl AlignmentFrame {
         translation: &Bound<'_, PyAny>,
         spread: usize,
     ) -> PyResult<(f64, usize)> {
-        if spread >= SPREADS {
-            return Err(PyValueError::new_err(format!("spread is {spread}; it needs to be below {SPREADS}")));
-        }
+        check_spread(spread)?;
         Ok(self.0.log_ratio(&pose(rotation, translation)?, spread))
     }
 
@@ -153,6 +159,11 @@ impl AlignmentFrame {
         let directions = directions.into_iter().map(|direction| direction as i64).collect();
         Ok((array(py, &pixels)?, PyArray1::from_vec(py, directions)))
     }
+}
+
+fn check_spread(spread: usize) -> PyResult<()> {
+    let refused = || PyValueError::new_err(format!("spread is {spread}; it needs to be below {SPREADS}"));
+    if spread < SPREADS { Ok(()) } else { Err(refused()) }
 }
 
 type SeenArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i64>>);

@@ -3,7 +3,7 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{Matrix6, Quaternion, Rotation3, SymmetricEigen, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix6, Quaternion, Rotation3, SMatrix, SymmetricEigen, UnitQuaternion, Vector3, Vector6};
 
 use crate::geometry::pose::Pose;
 use crate::prior::Prior;
@@ -11,8 +11,14 @@ use crate::prior::Prior;
 /// Degrees of freedom of Student's distribution of the error of a pose whose covariance is known but roughly.
 pub const FREEDOM: f64 = 4.0;
 
+/// Nodes of the rule over scales: the mass of a normal likelihood is exact to a hundredth.
+const SCALES: usize = 12;
+
 /// Information below this share of the largest is none: rounding.
 const OPEN: f64 = 1e-12;
+
+/// Least scale of Student's deviates: one in a million is below.
+const LEAST_SCALE: f64 = 0.02;
 
 /// Variance of an angle that may be any, rad^2: a uniform one's.
 const FREE_ANGLE: f64 = PI * PI / 3.0;
@@ -74,6 +80,36 @@ impl PoseDensity {
         Some(Self::Student { pose, information: root.inverse(), log_height })
     }
 
+    /// Logarithm of the integral of Student's density times a likelihood about their maximum at a pose, the likelihood being 1 there and
+    /// normal, and the sum of both having a negative Hessian `curvature` by left increments; `None` of a prior.
+    ///
+    /// Student's distribution is a mixture of normal ones over their scale, of which each has a closed form.
+    pub fn log_integral(&self, pose: &Pose, curvature: &Matrix6<f64>) -> Option<f64> {
+        let Self::Student { pose: middle, information, .. } = self else { return None };
+        let root = information.cholesky()?.l();
+        let increment = middle.increment_to(pose);
+        let squares = increment.dot(&(information * increment));
+        let pull = (FREEDOM + 6.0) / (FREEDOM + squares);
+        let way = root.tr_mul(&increment);
+        // In units of the deviations, without the density's own curvature.
+        let whitened = root.try_inverse()?;
+        let whole = whitened * curvature * whitened.transpose();
+        let own = (Matrix6::identity() - way * way.transpose() * (2.0 / (FREEDOM + squares))) * pull;
+        let eigen = SymmetricEigen::new(whole - own);
+        let along = eigen.eigenvectors.tr_mul(&way);
+        let of_scale = |[scale, weight]: [f64; 2]| {
+            let factors = eigen.eigenvalues.iter().zip(along.iter()).map(|(curved, off)| {
+                // No likelihood is taken to rise on both sides of its maximum with the density.
+                let together = curved.max(0.0) + scale;
+                0.5 * ((scale / together).ln() + (off * (pull - scale)).powi(2) / together)
+            });
+            weight.ln() - 0.5 * scale * squares + factors.sum::<f64>()
+        };
+        let logs = scales().map(of_scale);
+        let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        Some(most + logs.iter().map(|log| (log - most).exp()).sum::<f64>().ln())
+    }
+
     /// What it is at a pose.
     pub fn at(&self, pose: &Pose) -> DensityAt {
         match self {
@@ -132,7 +168,12 @@ impl Sampler {
             PoseDensity::Prior { prior, .. } => base_pose(prior, uniform),
             PoseDensity::Student { pose, .. } => *pose,
         };
-        base.moved(&(self.mean + self.root * Vector6::from(*normal)))
+        // Student's deviates are normal ones over the root of a mean square of four others: an exponential of two uniform numbers.
+        let scale = match &self.density {
+            PoseDensity::Prior { .. } => 1.0,
+            PoseDensity::Student { .. } => (-2.0 * ((1.0 - uniform[0]) * (1.0 - uniform[1])).ln() / FREEDOM).sqrt(),
+        };
+        base.moved(&(self.mean + self.root * Vector6::from(*normal) / scale.max(LEAST_SCALE)))
     }
 }
 
@@ -203,6 +244,23 @@ fn eigen_inverse(eigen: &SymmetricEigen<f64, nalgebra::Const<6>>) -> Matrix6<f64
     let open = OPEN * eigen.eigenvalues.amax();
     let inverse = eigen.eigenvalues.map(|value| if value > open { value.recip() } else { 0.0 });
     eigen.eigenvectors * Matrix6::from_diagonal(&inverse) * eigen.eigenvectors.transpose()
+}
+
+/// Scales of the information of the normal distributions that Student's is a mixture of, and what each counts: of the distribution of a
+/// mean square of four deviates, by Gauss's and Laguerre's rule (Golub and Welsch 1969).
+fn scales() -> [[f64; 2]; SCALES] {
+    let jacobi = SMatrix::<f64, SCALES, SCALES>::from_fn(|row, column| {
+        let (low, high) = (row.min(column) as f64, row.max(column) as f64);
+        if row == column {
+            2.0 * low + 2.0
+        } else if high - low == 1.0 {
+            (high * (high + 1.0)).sqrt()
+        } else {
+            0.0
+        }
+    });
+    let eigen = SymmetricEigen::new(jacobi);
+    std::array::from_fn(|place| [2.0 * eigen.eigenvalues[place] / FREEDOM, eigen.eigenvectors[(0, place)].powi(2)])
 }
 
 /// Logarithm of `Gamma((4 + 6) / 2) / Gamma(4 / 2)` = 4!.

@@ -1,5 +1,7 @@
 //! One photo and one cloud: how well the cloud's edges lie on the photo's at a pose (`docs/math.md`, section 19).
 
+use std::sync::Arc;
+
 use nalgebra::{Matrix6, SVector, Vector2, Vector3, Vector6};
 
 use super::cloud_edges::{CloudEdges, EdgeGroup, GroupedEdges};
@@ -27,7 +29,7 @@ pub const FINEST: usize = SPREADS - 1;
 #[derive(Debug, Clone)]
 pub struct Frame {
     view: PhotoView,
-    edges: [GroupedEdges; SPREADS],
+    edges: [Arc<GroupedEdges>; SPREADS],
     origin: Vector3<f64>,
 }
 
@@ -37,7 +39,7 @@ pub struct PhotoView {
     /// Bearings to pixels.
     pub projection: Projection,
     /// By spread, as [`SPREADS_PX`].
-    pub pictures: [LogRatios; SPREADS],
+    pub pictures: [Arc<LogRatios>; SPREADS],
     /// The largest angle between the camera's axis and what the photo shows, rad.
     pub half_field: f64,
 }
@@ -45,7 +47,7 @@ pub struct PhotoView {
 impl Frame {
     /// That of a photo and a cloud's edges; sums are taken about an `origin` of the world, near the scanner.
     pub fn new(view: PhotoView, edges: &CloudEdges, origin: Vector3<f64>) -> Self {
-        let grouped = MOST_EDGES.map(|most| GroupedEdges::new(&edges.thinned(most), &origin));
+        let grouped = MOST_EDGES.map(|most| Arc::new(GroupedEdges::new(&edges.thinned(most), &origin)));
         Self { view, edges: grouped, origin }
     }
 
@@ -58,6 +60,14 @@ impl Frame {
     pub fn with_projection(&self, projection: &Projection, half_field: f64) -> Self {
         let view = PhotoView { projection: projection.clone(), half_field, ..self.view.clone() };
         Self { view, ..self.clone() }
+    }
+
+    /// The same, which finer spreads than one, by its number, do not make finer.
+    pub fn at_spread(&self, coarsest: usize) -> Self {
+        let number = |spread: usize| spread.min(coarsest);
+        let pictures = std::array::from_fn(|spread| self.view.pictures[number(spread)].clone());
+        let edges = std::array::from_fn(|spread| self.edges[number(spread)].clone());
+        Self { view: PhotoView { pictures, ..self.view.clone() }, edges, origin: self.origin }
     }
 
     /// The sum of log likelihood ratios under the edges that a camera at a pose sees, by the number of the spread, as if edges were

@@ -129,8 +129,9 @@ impl Posterior<'_> {
         let half = root * eigen.eigenvectors * Matrix6::from_diagonal(&values.map(|value| value.sqrt().recip()));
         let (value, _) = local.at(&Vector6::zeros());
         let log_root = root.determinant().abs().ln();
-        let log_mass = value + 3.0 * (2.0 * std::f64::consts::PI).ln() + log_root - 0.5 * values.map(f64::ln).sum();
         let log_ratio = value - self.density.at(pose).value;
+        let laplace = value + 3.0 * (2.0 * std::f64::consts::PI).ln() + log_root - 0.5 * values.map(f64::ln).sum();
+        let log_mass = self.density.log_integral(pose, &curvature).map_or(laplace, |about| log_ratio + about);
         let covariance = half * half.transpose();
         Some(Mode { pose: *pose, covariance, log_mass, log_ratio, edges: local.edges })
     }

@@ -313,9 +313,50 @@ fn draws_about_a_pose_are_those_of_all_that_is_known() {
     assert!(off.amax() < ERRORS / (DRAWS as f64).sqrt(), "{off}");
     let inverse = root.try_inverse().unwrap();
     assert!((inverse * squares * inverse.transpose() - Matrix6::identity()).amax() < spread());
+}
+
+#[test]
+fn draws_about_a_roughly_known_pose_are_students() {
     let (density, pose, covariance) = student(2e-3, 0.05);
-    let (mean, squares) = moments(&draws(density, 24).iter().map(|drawn| pose.increment_to(drawn)).collect::<Vec<_>>());
-    let inverse = covariance.cholesky().unwrap().l().try_inverse().unwrap();
-    assert!((inverse * mean).amax() < ERRORS / (DRAWS as f64).sqrt());
-    assert!((inverse * squares * inverse.transpose() - Matrix6::identity()).amax() < spread());
+    let information = covariance.try_inverse().unwrap();
+    let ways: Vec<_> = draws(density, 24).iter().map(|drawn| pose.increment_to(drawn)).collect();
+    // Squares over the covariance are six times those of Fisher's distribution of 6 and 4 degrees of freedom.
+    for (share, most) in [(0.25, 3.3673), (0.5, 6.3730), (0.9, 24.0588)] {
+        let within = ways.iter().filter(|way| way.dot(&(information * **way)) < most).count() as f64 / DRAWS as f64;
+        assert!((within - share).abs() < ERRORS * (share * (1.0 - share) / DRAWS as f64).sqrt(), "{share}: {within}");
+    }
+    for axis in 0..6 {
+        let above = ways.iter().filter(|way| way[axis] > 0.0).count() as f64 / DRAWS as f64;
+        assert!((above - 0.5).abs() < ERRORS * 0.5 / (DRAWS as f64).sqrt(), "{axis}: {above}");
+    }
+}
+
+/// Against means over draws, of likelihoods from none to ones that are far narrower and lie off the middle.
+#[test]
+fn integrals_of_students_density_and_a_likelihood_are_those_of_draws() {
+    let (density, pose, covariance) = student(2e-3, 0.05);
+    let root = covariance.cholesky().unwrap().l();
+    let ways: Vec<_> = draws(density.clone(), 25).iter().map(|drawn| pose.increment_to(drawn)).collect();
+    for (narrow, off) in [(0.0, 0.0), (0.3, 0.0), (0.5, 0.4), (2.0, 0.5), (1.0, 1.0)] {
+        // The likelihood's exponent about its own middle; both together are highest where their slopes cancel.
+        let middle = root * Vector6::repeat(off);
+        let inverse = root.try_inverse().unwrap();
+        let curvature = inverse.transpose() * inverse * narrow;
+        let exponent = |way: &Vector6<f64>| -0.5 * (way - middle).dot(&(curvature * (way - middle)));
+        // By symmetry on the way to the middle.
+        let along = |t: f64| root * Vector6::repeat(off * t);
+        let value = |t: f64| density.at(&pose.moved(&along(t))).value + exponent(&along(t));
+        let best = (0..=4000).map(|k| f64::from(k) / 4000.0).max_by(|a, b| value(*a).total_cmp(&value(*b))).unwrap();
+        let at = pose.moved(&along(best));
+        let squares = 6.0 * (off * best).powi(2);
+        let pull = 10.0 / (4.0 + squares);
+        let white = inverse * along(best);
+        let own = (Matrix6::identity() - white * white.transpose() * (2.0 / (4.0 + squares))) * pull;
+        let whole = curvature + inverse.transpose() * own * inverse;
+        let found = density.log_integral(&at, &whole).unwrap() + exponent(&along(best));
+        let (expected, error) = mean(&ways.iter().map(|way| exponent(way).exp()).collect::<Vec<_>>());
+        let allowed = ERRORS * error / expected + 0.02;
+        assert!((found - expected.ln()).abs() < allowed, "{narrow} {off}: {found} for {}", expected.ln());
+    }
+    assert!(PoseDensity::of_prior(&near(0.4)).unwrap().log_integral(&pose, &Matrix6::identity()).is_none());
 }

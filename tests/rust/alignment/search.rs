@@ -133,14 +133,14 @@ fn spread(picture: &[f32], spread: f64) -> Vec<f32> {
 }
 
 /// Likelihood ratios of an edge by spread: half of the cloud's edges are in the photo, the others anywhere in a window (eq. 18.6).
-fn log_ratios(edges: &[f32]) -> [LogRatios; SPREADS] {
+fn log_ratios(edges: &[f32]) -> [Arc<LogRatios>; SPREADS] {
     SPREADS_PX.map(|width| {
         let mut values = Vec::with_capacity(edges.len());
         for picture in edges.chunks(WIDTH * HEIGHT) {
             let (shares, means) = (spread(picture, width), spread(picture, WINDOW.max(3.0 * width)));
             values.extend(shares.iter().zip(&means).map(|(share, mean)| (0.5 + 0.5 * share / mean).ln()));
         }
-        LogRatios::new(&values, HEIGHT, WIDTH, (width / 4.0).max(1.0) as usize).unwrap()
+        Arc::new(LogRatios::new(&values, HEIGHT, WIDTH, (width / 4.0).max(1.0) as usize).unwrap())
     })
 }
 

@@ -4,13 +4,12 @@ Of each frame, a folder with calib.json, a photo and a cloud, the agreement of p
 pose and at poses that are turned by 8 to 180 degrees, most of them moved by a meter or two, too. Where there are no
 frames this says so and ends.
 
-A line each: steps in view, how far the true pose leads the turned ones that it is compared with, the deviation of
-these, z, the logarithm of the odds, the largest and least of the wrong poses', and seconds for photo and pose. Then the
-AUC: the share of pairs of a right and a wrong pose that the odds order rightly, ties counting half; over all, and over
-those of which something is said. And what the constants of `regionpose.alignment.odds` are taken from: the median of
-the leads at the true poses, the deviation of their logarithm, and the largest z of wrong poses.
+A line each: edges in view, the share of them that lie on edges of the photo at the true pose, the logarithm of the
+odds, the least and the largest of the wrong poses', and seconds for photo and pose. Then the AUC: the share of pairs of a
+right and a wrong pose that the odds order rightly, ties counting half; and what `SILENT_PRIOR` of
+`regionpose.alignment.odds` is taken from: how many true poses have odds below 1.
 
-    python -m benchmarks.witness [--data ../shared/data] [--wrong 12]
+    python -m benchmarks.agreement [--data ../shared/data] [--wrong 12]
 """
 
 from __future__ import annotations
@@ -104,41 +103,37 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=DEFAULT_DATA, help="folder of frames")
     parser.add_argument("--wrong", type=int, default=12, help="wrong poses of each frame")
     given = parser.parse_args()
-    right: list[rp.Alignment] = []
-    wrong: list[rp.Alignment] = []
-    print("frame                     steps    lead   deviation     z  log odds  wrong from     to   photo, pose (s)")
+    right: list[float] = []
+    wrong: list[float] = []
+    print("frame                     edges  agree  log odds  wrong from     to   photo, pose (s)")
     for number, held in enumerate(frames(given.data)):
         start = time.perf_counter()
         photo = Photo.of(held.image)
-        _ = photo.strength
+        _ = photo.ranks
         middle = time.perf_counter()
         true = held.alignment(photo, held.pose)
         seconds = (middle - start, time.perf_counter() - middle)
-        others = [held.alignment(photo, pose) for pose in wrong_poses(held.pose, given.wrong, number)]
-        odds = [other.log_odds for other in others]
+        odds = [held.alignment(photo, pose).log_odds for pose in wrong_poses(held.pose, given.wrong, number)]
         print(
-            f"{held.name:24} {len(true.places):6}  {true.lead:6.3f}  {true.deviation:10.4f}  {true.z:4.1f}"
-            f"  {true.log_odds:8.2f}  {min(odds):10.2f}  {max(odds):5.2f}   {seconds[0]:.2f}, {seconds[1]:.2f}",
+            f"{held.name:24} {len(true.places):6}  {true.share:5.2f}  {true.log_odds:8.2f}"
+            f"  {min(odds):10.2f}  {max(odds):5.2f}   {seconds[0]:.2f}, {seconds[1]:.2f}",
             flush=True,
         )
-        right.append(true)
-        wrong += others
+        right.append(true.log_odds)
+        wrong += odds
     if not right:
         print(f"no frames in {given.data}: nothing to measure")
         return
-    summary(right, wrong)
+    summary(np.array(right), np.array(wrong))
 
 
-def summary(right: list[rp.Alignment], wrong: list[rp.Alignment]) -> None:
+def summary(right: Array, wrong: Array) -> None:
     """Print the AUC, and what the constants are taken from."""
-    odds = [np.array([each.log_odds for each in group]) for group in (right, wrong)]
-    told = [group[group != 0.0] for group in odds]
-    print(f"AUC {area_under_curve(*odds):.3f} of {len(right)} right and {len(wrong)} wrong poses", end="; ")
-    print(f"{area_under_curve(*told):.3f} of the {len(told[0])} and {len(told[1])} of which something is said")
-    leads = np.log([max(each.lead, 1e-3) for each in right if each.log_odds])
-    print(f"leads of right poses: median {np.exp(np.median(leads)):.3f}, deviation of the logarithm {leads.std():.2f}")
-    worst = np.sort([each.z for each in wrong if each.log_odds])[::-1][:5]
-    print(f"largest z of wrong poses: {', '.join(f'{z:.1f}' for z in worst)}")
+    print(f"AUC {area_under_curve(right, wrong):.3f} of {len(right)} right and {len(wrong)} wrong poses")
+    print(f"log odds of right poses: {np.sum(right < 0.0)} below 0, {np.sum(right < -1.0)} below -1")
+    print(
+        f"of wrong poses: {np.mean(wrong < 0.0):.2f} below 0; largest {np.round(np.sort(wrong)[::-1][:5], 1).tolist()}"
+    )
 
 
 if __name__ == "__main__":

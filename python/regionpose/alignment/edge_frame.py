@@ -1,0 +1,132 @@
+"""A photo and a cloud as the core compares their edges."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionpose import _core
+from regionpose.alignment.frame import SceneFrame
+from regionpose.alignment.views import (
+    EDGE_SHARE,
+    cell_and_gap,
+    checked_intensity,
+    checked_points,
+    half_field,
+    pixel_angle,
+    region_mask,
+)
+from regionpose.cameras import Camera
+from regionpose.cameras.matrix import MatrixCamera
+from regionpose.pose import Pose
+from regionpose.progress import check_wanted
+
+Array = NDArray[np.float64]
+
+MOST_POINTS = 20_000
+"""Points whose distances are looked at: a median needs no more."""
+
+REDUCTIONS = (8, 4, 2, 1)
+"""Pixels over which pictures are averaged, by spread: half a spread, between which they are interpolated."""
+
+
+class EdgeFrame:
+    """A photo's log likelihood ratios and a cloud's edges, as the core searches with them.
+
+    `origin` (3,): the place of the world about which the core has points and poses.
+    """
+
+    def __init__(self, frame: SceneFrame, origin: Array) -> None:
+        """Keep points about an origin (3,) of the world, such as the scanner's place: far from the world's own, turns
+        about it are moves of kilometers.
+        """
+        points = checked_points(frame.points)
+        self.origin, self._frame, self._points = origin, frame, points - origin if origin.any() else points
+        self._intensity = checked_intensity(frame.intensity, self._points)
+
+    @cached_property
+    def core(self) -> _core.AlignmentFrame:
+        """The whole photo with the edges that are seen from the origin."""
+        return self._made(None)
+
+    def seen_from(self, center: Array, *, with_regions: bool = True) -> _core.AlignmentFrame:
+        """The photo with the edges that are seen from a center (3,) of the world; what regions show can be left out of
+        it: that is evidence of theirs.
+        """
+        check_wanted()
+        frame = self.core if with_regions else self._core_beside_regions
+        return frame.with_edges(self._edges(center - self.origin))
+
+    def zoomed(self, frame: _core.AlignmentFrame, log_focal: float) -> _core.AlignmentFrame:
+        """One of these frames as a camera of longer focal lengths would have it, by their logarithm over the given
+        ones.
+        """
+        camera = self.camera
+        if not (isinstance(camera, MatrixCamera) and log_focal):
+            return frame
+        return frame.with_projection(*self._projection(camera.zoomed(float(np.exp(log_focal)))))
+
+    @property
+    def camera(self) -> Camera:
+        """That took the photo."""
+        return self._frame.camera
+
+    @cached_property
+    def covered(self) -> NDArray[np.bool_] | None:
+        """Which pixels (h, w) of the reduced photo regions cover; None without any."""
+        return region_mask(self._frame.photo, self.camera, self._frame.regions)
+
+    @property
+    def edge_count(self) -> int:
+        """How many edges the cloud has, as seen from the origin."""
+        return len(self._near_edges)
+
+    @property
+    def point_count(self) -> int:
+        """How many points the cloud has that are finite."""
+        return int(np.isfinite(self._points).all(axis=1).sum())
+
+    @property
+    def pixel_angle_rad(self) -> float:
+        """The angle of a pixel of the original photo in its middle."""
+        return pixel_angle(self.camera, self._frame.photo) / self._frame.photo.reduction
+
+    def distance_m(self, pose: Pose) -> float:
+        """The median distance of the points that the camera may see at a pose, meters; NaN where there are none."""
+        local = pose.about(self.origin).transform(self._points[:: max(1, len(self._points) // MOST_POINTS)])
+        distances = np.linalg.norm(local, axis=1)
+        reach = np.cos(half_field(self.camera, self._frame.photo))
+        shown = distances[local[:, 2] > reach * distances]
+        return float(np.median(shown)) if len(shown) else float("nan")
+
+    @cached_property
+    def _core_beside_regions(self) -> _core.AlignmentFrame:
+        return self.core if self.covered is None else self._made(self.covered)
+
+    def _made(self, covered: NDArray[np.bool_] | None) -> _core.AlignmentFrame:
+        """The frame with the edges that are seen from the origin, its photo showing nothing where it is covered."""
+        check_wanted()
+        photo = self._frame.photo
+        pictures = [photo.log_ratios(spread) for spread in _core.edge_spreads()]
+        if covered is not None:
+            pictures = [np.where(covered, np.float32(0.0), picture) for picture in pictures]
+        ratios = list(zip(pictures, REDUCTIONS, strict=True))
+        return _core.AlignmentFrame(*self._projection(self.camera), ratios, self._near_edges, np.zeros(3))
+
+    def _projection(self, camera: Camera) -> tuple[_core.Projection, float]:
+        """A camera's projection onto the photo, and the largest angle from its axis that this shows, rad."""
+        photo = self._frame.photo
+        height, width = photo.luminance.shape
+        projection = _core.Projection([width, height], lambda bearings: photo.places(camera.project(bearings)))
+        return projection, half_field(camera, photo)
+
+    @cached_property
+    def _near_edges(self) -> _core.CloudEdges:
+        return self._edges(np.zeros(3))
+
+    def _edges(self, center: Array) -> _core.CloudEdges:
+        """The edges all around a center (3,), about the origin."""
+        cell, gap = cell_and_gap(self.camera, self._frame.photo, len(self._points), 4.0 * np.pi)
+        return _core.CloudEdges(self._points, center, cell, gap, EDGE_SHARE, self._intensity)

@@ -1,0 +1,108 @@
+"""What explains photos and clouds: answers of regions, edges about these, and edges alone (docs/math.md, section
+18).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from regionpose.alignment.edge_frame import EdgeFrame
+from regionpose.alignment.hypotheses import Hypothesis, Place, answers_of, log_sum, priors_of
+from regionpose.alignment.odds import CHANCE_PRIOR, SILENT_PRIOR
+from regionpose.alignment.pose_search import Density, EdgeMode, search_about, search_prior
+from regionpose.estimation.answer import PoseEstimate
+from regionpose.estimation.options import Solver
+from regionpose.estimation.prior import Prior
+from regionpose.progress import Progress, part
+
+LEAST_PRIOR = 1e-4
+"""Least probability of an answer of regions about which edges are looked at: a hundredth of what all of them leave."""
+
+
+@dataclass(frozen=True, eq=False)
+class Explanations:
+    """`hypotheses`: with their weights. `none`: the weight of none of them. `modes`: all maxima that edges led to."""
+
+    hypotheses: tuple[Hypothesis, ...]
+    none: float
+    modes: tuple[EdgeMode, ...]
+
+    def log_odds(self, place: Place) -> float:
+        """Logarithm of the odds that edges agree at a place rather than by chance; 0 where none are in view."""
+        silent = [each for each in place.hypotheses if each.mode is None]
+        agreeing = [each for each in place.hypotheses if each.mode is not None]
+        if not agreeing:
+            return 0.0
+        if not silent:
+            return log_sum(agreeing) - float(np.log(max(self.none, 1e-300)))
+        return log_sum(agreeing) - log_sum(silent) - float(np.log((1.0 - SILENT_PRIOR) / SILENT_PRIOR))
+
+
+def explained_by_edges(frames: Sequence[EdgeFrame], prior: Prior, progress: Progress | None = None) -> Explanations:
+    """The maxima of what a prior allows, and chance."""
+    starts = [] if prior.initial is None else [prior.initial]
+    modes = search_prior(frames, prior, starts, progress=progress)
+    hypotheses = tuple(_of_mode(mode, 1.0 - CHANCE_PRIOR) for mode in modes)
+    return Explanations(hypotheses, CHANCE_PRIOR, tuple(modes))
+
+
+def explained_with_regions(
+    frames: Sequence[EdgeFrame],
+    prior: Prior,
+    regions: PoseEstimate,
+    hidden: Sequence[bool],
+    solver: Solver,
+    progress: Progress | None = None,
+) -> Explanations:
+    """The answers of regions by themselves, with edges about each, and edges alone where a prior says where to look;
+    `hidden`: which answers hide a region.
+    """
+    shares, known, modes = priors_of(regions, hidden), without_calibration(regions, solver), []
+    none = max(1.0 - float(shares.sum()), 0.0)
+    hypotheses = []
+    for number, (answer, share) in enumerate(zip(answers_of(known), shares.tolist(), strict=True)):
+        if share <= 0.0:
+            continue
+        found = []
+        if share >= LEAST_PRIOR and _is_covariance(answer.covariance):
+            density = Density.student(answer.pose, answer.covariance, frames[0].origin)
+            found = search_about(frames, answer.pose, density)
+        # Without an edge in view it is all the same whether edges say something.
+        silent = share * SILENT_PRIOR if found else share
+        whole = answers_of(regions)[number].covariance
+        hypotheses.append(Hypothesis(answer.pose, whole, float(np.log(silent)), number))
+        hypotheses += [_of_mode(mode, share * (1.0 - SILENT_PRIOR), number) for mode in found]
+        modes += found
+    if _says_where(prior) and none > 0.0:
+        starts = [answer.pose for answer in answers_of(regions)]
+        found = search_prior(frames, prior, starts, progress=part(progress, 0.3, 1.0))
+        hypotheses += [_of_mode(mode, none * (1.0 - CHANCE_PRIOR)) for mode in found]
+        modes += found
+        none *= CHANCE_PRIOR if found else 1.0
+    modes.sort(key=lambda mode: mode.log_mass, reverse=True)
+    return Explanations(tuple(hypotheses), none, tuple(modes))
+
+
+def without_calibration(estimate: PoseEstimate, solver: Solver) -> PoseEstimate:
+    """The estimate with the covariance that it has if focal lengths and image center are without error: what an error
+    of these does to regions and edges alike is added after.
+    """
+    if not np.isfinite(estimate.covariance).all() or not np.isfinite(estimate.focal_shift).all():
+        return estimate
+    calibration = solver.calibration_covariance(estimate.focal_shift, estimate.pixel_angle_rad)
+    return replace(estimate, covariance=estimate.covariance - calibration)
+
+
+def _of_mode(mode: EdgeMode, prior: float, answer: int | None = None) -> Hypothesis:
+    return Hypothesis(mode.pose, mode.covariance, float(np.log(prior)) + mode.log_mass, answer, mode)
+
+
+def _says_where(prior: Prior) -> bool:
+    return prior.camera_near is not None or prior.initial_center_sigma_m is not None
+
+
+def _is_covariance(covariance: np.ndarray) -> bool:
+    return bool(np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0.0)

@@ -1,0 +1,129 @@
+"""Where the camera may be, by regions, by edges and by both, and how likely each place is (docs/math.md, section
+18).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionpose import _core
+from regionpose.alignment.odds import HIDDEN, SHARED_ERROR_PRIOR
+from regionpose.alignment.pose_search import EdgeMode
+from regionpose.estimation.answer import Alternative, PoseEstimate
+from regionpose.pose import Pose
+
+Array = NDArray[np.float64]
+
+SAME_DEG, SAME_M = 5.0, 1.0
+"""Poses within so much of one another are one place: the confidence is that of the rotation within 5 degrees, and what
+moves the camera by a meter moves what it shows at 10 m by as much."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """An explanation of photos and clouds: a pose with its covariance (6, 6), and the logarithm of its probability but
+    for a constant.
+
+    `answer`: the number of the regions' answer that it is about; None of edges alone. `mode`: the edges' maximum, whose
+    covariance is of their noise alone; None where these are taken to say nothing.
+    """
+
+    pose: Pose
+    covariance: Array
+    log_weight: float
+    answer: int | None = None
+    mode: EdgeMode | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Hypotheses that are one place, the likeliest first."""
+
+    hypotheses: tuple[Hypothesis, ...]
+
+    @property
+    def best(self) -> Hypothesis:
+        """The likeliest."""
+        return self.hypotheses[0]
+
+    @property
+    def log_weight(self) -> float:
+        """Of all of them."""
+        return log_sum(self.hypotheses)
+
+    def covariance(self, exposure: Array) -> Array:
+        """That (6, 6) about the likeliest pose, each counting by its weight; `exposure`: what whole exposures and the
+        calibration add to the noise of edges.
+        """
+        finite = [each for each in self.hypotheses if np.isfinite(each.covariance).all()]
+        if self.best not in finite:
+            return self.best.covariance
+        shares = np.exp(np.array([each.log_weight for each in finite]) - log_sum(finite))
+        total = np.zeros((6, 6))
+        for share, each in zip(shares, finite, strict=True):
+            way = self.best.pose.increment_to(each.pose)
+            total += share * (each.covariance + np.outer(way, way) + (0.0 if each.mode is None else exposure))
+        return total
+
+    @property
+    def answer(self) -> int | None:
+        """The number of the regions' answer that is likeliest there; None where there is none."""
+        return next((each.answer for each in self.hypotheses if each.answer is not None), None)
+
+
+def log_sum(hypotheses: Sequence[Hypothesis]) -> float:
+    """Logarithm of the weights of hypotheses together."""
+    return float(np.logaddexp.reduce([each.log_weight for each in hypotheses])) if hypotheses else -np.inf
+
+
+def places_of(hypotheses: Sequence[Hypothesis]) -> list[Place]:
+    """Hypotheses by the places that they belong to, the likeliest place first."""
+    places: list[list[Hypothesis]] = []
+    for each in sorted(hypotheses, key=lambda each: each.log_weight, reverse=True):
+        own = next((place for place in places if is_same(place[0].pose, each.pose)), None)
+        if own is None:
+            places.append([each])
+        else:
+            own.append(each)
+    return sorted((Place(tuple(place)) for place in places), key=lambda place: place.log_weight, reverse=True)
+
+
+def is_same(pose: Pose, other: Pose) -> bool:
+    """Whether two poses are one place."""
+    turn = np.degrees((pose.rotation * other.rotation.inv()).magnitude())
+    return bool(turn <= SAME_DEG and np.linalg.norm(pose.camera_center - other.camera_center) <= SAME_M)
+
+
+def answers_of(estimate: PoseEstimate) -> list[PoseEstimate | Alternative]:
+    """The answers of an estimate of regions, the likeliest first."""
+    return [estimate, *estimate.alternatives]
+
+
+def priors_of(estimate: PoseEstimate, hidden: Sequence[bool]) -> Array:
+    """Probabilities (n,) of the answers of an estimate before edges are looked at: that each is the right place, of
+    which some hide a region; what they leave of 1 is that none is.
+    """
+    shares = np.array([answer.share for answer in answers_of(estimate)])
+    near = np.array([_nearness(answer.covariance) for answer in answers_of(estimate)])
+    shares = np.clip(shares / np.maximum(near, 1e-12), 0.0, 1.0)
+    shares /= max(float(shares.sum()), 1.0)
+    none = 1.0 - float(shares.sum())
+    weights = shares * np.exp(HIDDEN * np.array(hidden, dtype=np.float64))
+    total = float(weights.sum()) + none
+    shares = weights / total if total > 0.0 else weights
+    return np.asarray(shares * min(1.0, (1.0 - SHARED_ERROR_PRIOR) / max(float(shares.sum()), 1e-12)))
+
+
+def confidences_of(places: Sequence[Place], none: float) -> Array:
+    """Probabilities (n,) that places are right, of one another and of none of them, whose weight is `none`."""
+    weights = np.array([place.log_weight for place in places])
+    rest = np.log(max(none, 1e-300))
+    return np.asarray(np.exp(weights - np.logaddexp(np.logaddexp.reduce(weights), rest)))
+
+
+def _nearness(covariance: Array) -> float:
+    return float(_core.nearness(covariance)) if np.isfinite(covariance).all() else 1.0

@@ -1,0 +1,238 @@
+"""From the places that photos and clouds leave to an estimate: confidence, covariance, alternatives and warnings
+(docs/math.md, section 18).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri, expit
+
+from regionpose import _core
+from regionpose.alignment.agreement import Alignment
+from regionpose.alignment.edge_frame import EdgeFrame
+from regionpose.alignment.focal import FocalEvidence
+from regionpose.alignment.hypotheses import Place, answers_of, confidences_of
+from regionpose.alignment.region_evidence import RegionEvidence
+from regionpose.alignment.visibility import Occlusion
+from regionpose.estimation.answer import Alternative, PoseEstimate
+from regionpose.estimation.options import Solver
+from regionpose.estimation.warning import PoseWarning
+
+Array = NDArray[np.float64]
+
+AMBIGUOUS_SHARE = 0.02
+"""Probability of another place from which on a pose is ambiguous: a convention, less than the 3 % that a trusted pose
+may lack."""
+
+LISTED_SHARE = 1e-3
+"""Least probability of a place by edges alone that is listed beside answers of regions: a convention."""
+
+OF_CONFIDENCE = {"ambiguous", "ambiguous-region", "low-confidence"}
+"""Warnings that say no more than that the confidence is low."""
+
+MOST_MOVED = float(np.sqrt(chdtri(6.0, 0.0027)))
+"""Mahalanobis distance of six parameters that chance exceeds as rarely as three standard deviations of one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """What is left once edges were looked at: `places`, the likeliest first, `none`, the weight of none of them, and
+    the evidence of focal lengths.
+    """
+
+    frames: Sequence[EdgeFrame]
+    places: Sequence[Place]
+    none: float
+    focal: FocalEvidence | None
+    solver: Solver
+
+    def by_edges(self) -> PoseEstimate:
+        """The estimate of the likeliest place without regions."""
+        shift = self._focal_shift(np.zeros(6))
+        covariance, shares = self._covariance(shift, self._pixel_angle), self._shares
+        estimate = PoseEstimate(
+            pose=self.places[0].best.pose,
+            covariance=covariance,
+            confidence=float(shares[0]) * _core.nearness(covariance),
+            share=float(shares[0]),
+            overlap_error=np.nan,
+            region_overlap_errors=np.empty(0),
+            boundary_noise_px=np.nan,
+            disturbed_share=None,
+            alternatives=self._alternatives(None),
+            warnings=(),
+            converged=True,
+            termination="a maximum of the posterior",
+            evaluations=0,
+            distance_m=float(np.median([frame.distance_m(self.places[0].best.pose) for frame in self.frames])),
+            focal_shift=shift,
+            pixel_angle_rad=self._pixel_angle,
+        )
+        warnings = [*self._of_focal, *_ambiguity(estimate, None), *_weakness(estimate, self.solver)]
+        return replace(estimate, warnings=(*warnings, *_doubt(estimate, warnings)))
+
+    def with_regions(self, regions: RegionEvidence, answers: PoseEstimate) -> PoseEstimate:
+        """The estimate of the likeliest place; `regions`: with the answer first that is there, if any is; `answers`:
+        those by which places are numbered.
+        """
+        best, shares, base = self.places[0].best, self._shares, regions.estimate
+        shift = self._focal_shift(base.focal_shift)
+        covariance = self._covariance(shift, base.pixel_angle_rad)
+        moved = regions.moved(best.pose, covariance, self.solver)
+        near = _core.nearness(covariance) if np.isfinite(covariance).all() else 1.0
+        estimate = replace(
+            moved,
+            confidence=float(shares[0]) * near,
+            share=float(shares[0]) * near,
+            alternatives=self._alternatives(answers),
+            focal_shift=shift,
+        )
+        kept = [warning for warning in moved.warnings if warning.code not in OF_CONFIDENCE]
+        warnings = [*kept, *self._of_focal, *_ambiguity(estimate, answers), *self._contradiction(base)]
+        warnings += self._disagreement(answers, estimate.confidence)
+        return replace(estimate, warnings=(*warnings, *_doubt(estimate, warnings)))
+
+    @property
+    def _shares(self) -> Array:
+        """Probabilities (n,) of the places, with the given focal lengths."""
+        given = 1.0 if self.focal is None else float(expit(self.focal.log_odds))
+        return confidences_of(self.places, self.none) * given
+
+    @property
+    def _pixel_angle(self) -> float:
+        return float(np.mean([frame.pixel_angle_rad for frame in self.frames]))
+
+    @property
+    def _of_focal(self) -> tuple[PoseWarning, ...]:
+        return () if self.focal is None else self.focal.warnings
+
+    def _focal_shift(self, default: Array) -> Array:
+        """The derivative (6,) of the pose by the logarithm of the focal lengths."""
+        return default if self.focal is None else 100.0 * self.focal.shift
+
+    def _covariance(self, focal_shift: Array, pixel_angle_rad: float) -> Array:
+        """The covariance (6, 6) of the likeliest place."""
+        sigma = np.repeat([np.radians(self.solver.frame_sigma_deg), self.solver.frame_sigma_m], 3)
+        exposure = np.diag(np.square(sigma)) / len(self.frames)
+        exposure += self.solver.calibration_covariance(focal_shift, pixel_angle_rad)
+        return self.places[0].covariance(exposure)
+
+    def _alternatives(self, regions: PoseEstimate | None) -> tuple[Alternative, ...]:
+        """The other places, likeliest first; with what regions say of those that are answers of theirs."""
+        answers = [] if regions is None else answers_of(regions)
+        found = []
+        for place, share in zip(self.places[1:], self._shares[1:].tolist(), strict=True):
+            answer = None if place.answer is None else answers[place.answer]
+            if regions is not None and answer is None and share < LISTED_SHARE:
+                continue
+            errors = np.empty(0) if answer is None else answer.region_overlap_errors
+            whole = np.nan if answer is None else answer.overlap_error
+            covariance = place.covariance(np.zeros((6, 6)))
+            found.append(Alternative(place.best.pose, covariance, share, share, whole, errors))
+        return tuple(found)
+
+    def _contradiction(self, regions: PoseEstimate) -> list[PoseWarning]:
+        """A warning where edges lead to a pose beyond what the regions leave open: one of them is wrong."""
+        pose, covariance = self.places[0].best.pose, regions.covariance
+        increment = regions.pose.increment_to(pose)
+        if not np.isfinite(covariance).all():
+            return []
+        sigmas = float(np.sqrt(increment @ np.linalg.solve(covariance, increment)))
+        if sigmas <= MOST_MOVED:
+            return []
+        turned, shift = float(np.degrees(np.linalg.norm(increment[:3]))), float(np.linalg.norm(increment[3:]))
+        text = (
+            "photo and cloud away from the regions lead to a pose {rotation_deg:.2f} deg and {shift_m:.3f} m from that"
+            " of the regions, {sigmas:.1f} of its standard deviations: one of them is wrong"
+        )
+        return [
+            PoseWarning("regions-contradicted", text, (), {"rotation_deg": turned, "shift_m": shift, "sigmas": sigmas})
+        ]
+
+    def _disagreement(self, regions: PoseEstimate, confidence: float) -> list[PoseWarning]:
+        """A warning where edges are in view at the pose of regions and lie on those of the photo no better than by
+        chance, which costs it its trust.
+        """
+        agreeing = [each.log_weight for each in self.places[0].hypotheses if each.mode is not None]
+        if not (agreeing and self.places[0].best.mode is None and confidence < _core.TRUSTED <= regions.confidence):
+            return []
+        text = (
+            "away from the regions photo and cloud do not agree at this pose; the confidence falls from"
+            " {confidence_before:.1f} % to {confidence:.1f} %"
+        )
+        values = {"confidence_before": 100.0 * regions.confidence, "confidence": 100.0 * confidence}
+        return [PoseWarning("scene-disagrees", text, (), values)]
+
+
+def hidden_regions(alignments: Sequence[Alignment], starts: Sequence[int]) -> Iterator[PoseWarning]:
+    """A warning for each region that a pose hides; `starts`: the place of each frame's first region among all."""
+    for alignment, first in zip(alignments, starts, strict=True):
+        for number, occlusion in enumerate(alignment.occlusions):
+            if occlusion.is_hidden:
+                yield _hidden_region(first + number, occlusion)
+
+
+def _hidden_region(region: int, occlusion: Occlusion) -> PoseWarning:
+    text = (
+        "the photo shows {0}, but at this pose {percent:.0f} % of it would be hidden by what the cloud has"
+        " {distance_m:.1f} m from the camera, before the region at {region_distance_m:.1f} m"
+    )
+    values = {
+        "percent": 100.0 * occlusion.share,
+        "distance_m": occlusion.distance_m,
+        "region_distance_m": occlusion.region_distance_m,
+    }
+    return PoseWarning("hidden-region", text, (region,), values)
+
+
+def _ambiguity(estimate: PoseEstimate, regions: PoseEstimate | None) -> list[PoseWarning]:
+    """That other places are about as likely; what regions said of that where they did, who name the one at fault."""
+    others = [other for other in estimate.alternatives if other.share > AMBIGUOUS_SHARE]
+    if not others:
+        return []
+    said = [] if regions is None else [each for each in regions.warnings if each.code.startswith("ambiguous")]
+    if said:
+        return said
+    turns = [np.degrees((other.pose.rotation * estimate.pose.rotation.inv()).magnitude()) for other in others]
+    moves = [float(np.linalg.norm(other.pose.camera_center - estimate.pose.camera_center)) for other in others]
+    text = (
+        "photo and cloud agree about as well at {count:.0f} other poses, turned by {turned_deg:.0f} deg and moved"
+        " by {moved_m:.1f} m or more"
+    )
+    values = {"count": float(len(others)), "turned_deg": float(min(turns)), "moved_m": min(moves)}
+    return [PoseWarning("ambiguous", text, (), values)]
+
+
+def _weakness(estimate: PoseEstimate, solver: Solver) -> list[PoseWarning]:
+    """That the deviations of an estimate by edges are larger than those of a trusted pose."""
+    most_deg, share = solver.limits
+    turn, shift = float(estimate.rotation_sigma_deg.max()), float(estimate.translation_sigma_m.max())
+    # So, for NaN, too.
+    if turn <= most_deg and shift <= share * estimate.distance_m:
+        return []
+    text = (
+        "standard deviations of {rotation_deg:.2f} deg and {translation_mm:.0f} mm exceed the limits of"
+        " {most_deg:.2f} deg and {most_mm:.0f} mm"
+    )
+    values = {
+        "rotation_deg": turn,
+        "translation_mm": 1000.0 * shift,
+        "most_deg": most_deg,
+        "most_mm": 1000.0 * share * estimate.distance_m,
+    }
+    return [PoseWarning("weak-geometry", text, (), values)]
+
+
+def _doubt(estimate: PoseEstimate, warnings: Sequence[PoseWarning]) -> list[PoseWarning]:
+    """A low confidence, where no other warning tells why."""
+    told = {"ambiguous", "ambiguous-region", "scene-disagrees", "focal-contradicted"}
+    if estimate.confidence >= _core.TRUSTED or any(warning.code in told for warning in warnings):
+        return []
+    text = "too few edges of photo and cloud agree: confidence {percent:.0f} %"
+    if len(estimate.region_overlap_errors):
+        text = "the confidence is {percent:.1f} %"
+    return [PoseWarning("low-confidence", text, (), {"percent": 100.0 * estimate.confidence})]
