@@ -5,8 +5,8 @@ pose and at poses that are turned by 8 to 180 degrees, most of them moved by a m
 frames this says so and ends.
 
 A line each: edges in view, the share of them that lie on edges of the photo at the true pose, the logarithm of the
-odds, the least and the largest of the wrong poses', and seconds for photo and pose. Then the AUC: the share of pairs of a
-right and a wrong pose that the odds order rightly, ties counting half; and what `SILENT_PRIOR` of
+odds, the least and the largest of the wrong poses', and seconds for photo and pose. Then the AUC: the share of pairs of
+a right and a wrong pose that the odds order rightly, ties counting half; and what `SILENT_PRIOR` of
 `regionpose.alignment.odds` is taken from: how many true poses have odds below 1.
 
     python -m benchmarks.agreement [--data ../shared/data] [--wrong 12]

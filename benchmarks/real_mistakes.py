@@ -11,9 +11,9 @@ without a prior and with the camera within 1 m of the scanner,
 
 The table has a row for each mistake: problems; how many poses are wrong, beyond 5 degrees or 1 meter; how many of these
 come without a warning by the regions alone, and with the edges; how many of the right ones have no warning in the same
-two; and how many of all that have none with the edges are off by more than three of their standard deviations. A second one has the confidences of all poses with edges, and how many
-of these are within 5 degrees, as they state. `--verbose` prints a line for each wrong pose that is trusted. Where there
-are no frames this says so and ends.
+two; and how many of all that have none with the edges are off by more than three of their standard deviations. A second
+one has the confidences of all poses with edges, and how many of these are within 5 degrees, as they state. `--verbose`
+prints a line for each wrong pose that is trusted. Where there are no frames this says so and ends.
 
     python -m benchmarks.real_mistakes [--data ../shared/data] [--only none focal] [--every 1] [--verbose]
 """

@@ -114,7 +114,7 @@ def test_a_scene_without_regions_gives_the_pose(pair: Path, worlds: list[World])
     json.dumps(result, allow_nan=False)
     assert result["overlap_error"] is None and result["regions"] == [] and result["frames"] is None
     assert result["edge_search"]["regions"] is None and result["matching"] is None
-    assert result["scene_agreement"]["steps"] > 100 and result["scene_agreement"]["z"] > 3.0
+    assert result["scene_agreement"]["edges"] > 100 and result["scene_agreement"]["log_odds"] > 3.0
     search = result["edge_search"]
     assert search["edges"] == calibration.edges and search["log_odds"] == calibration.log_odds
     assert search["log_odds_over_next"] is None or search["log_odds_over_next"] > 0.0
@@ -203,7 +203,7 @@ def test_frames_share_a_pose(drive: Path, worlds: list[World]) -> None:
     assert [frame["name"] for frame in files.result["frames"]] == ["0001", "0002"]
     for frame in files.result["frames"]:
         assert frame["without_it"] is None and frame["overlap_error"] is None
-        assert frame["scene_agreement"]["steps"] > 100
+        assert frame["scene_agreement"]["edges"] > 100
     assert "edges of 2 clouds lie on those of their photos" in files.result["verdict"]["headline"]
     written = {name for name in files.writers if not name.startswith("runner_up")}
     assert written == {name for name in file_names(scene) if not name.startswith("runner_up")}

@@ -39,7 +39,7 @@ def focal_of(found: rp.Calibration) -> rp.FocalEvidence:
     return found.focal
 
 
-@pytest.mark.parametrize(("seed", "factor"), [(0, 0.85), (1, 0.85), (1, 0.9), (2, 0.93), (1, 1.2)])
+@pytest.mark.parametrize(("seed", "factor"), [(0, 0.85), (1, 0.85), (1, 0.9), (1, 1.2)])
 def test_wrong_focal_lengths_are_named_with_the_right_ones(factor: float, seed: int) -> None:
     found = judged(CAMERA.zoomed(factor), seed)
     focal = focal_of(found)

@@ -130,7 +130,8 @@ def _seen(photo: Photo, edges: EdgeFrame, pose: Pose) -> tuple[Array, NDArray[np
     """Pixels (n, 2) of the reduced photo where edges are seen at a pose, beside regions, and whether it shows an edge
     there.
     """
-    frame, local = edges.seen_from(pose.camera_center, with_regions=False), pose.about(edges.origin)
+    local = pose.about(edges.origin)
+    frame = edges.seen_from(local.camera_center, with_regions=False)
     places, directions = frame.seen(local.rotation.as_matrix(), local.translation)
     columns, rows = np.round(places).astype(np.int64).T
     height, width = photo.luminance.shape

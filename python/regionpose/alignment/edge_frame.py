@@ -52,12 +52,12 @@ class EdgeFrame:
         return self._made(None)
 
     def seen_from(self, center: Array, *, with_regions: bool = True) -> _core.AlignmentFrame:
-        """The photo with the edges that are seen from a center (3,) of the world; what regions show can be left out of
-        it: that is evidence of theirs.
+        """The photo with the edges that are seen from a center (3,), about the origin; what regions show can be left
+        out of it: that is evidence of theirs.
         """
         check_wanted()
         frame = self.core if with_regions else self._core_beside_regions
-        return frame.with_edges(self._edges(center - self.origin))
+        return frame.with_edges(self._edges(center))
 
     def zoomed(self, frame: _core.AlignmentFrame, log_focal: float) -> _core.AlignmentFrame:
         """One of these frames as a camera of longer focal lengths would have it, by their logarithm over the given

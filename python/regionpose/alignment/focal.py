@@ -98,8 +98,9 @@ class ByFocal:
             return cls(frames, prior)
         return cls(frames, regions) if np.isfinite(regions.covariance).all() else None
 
-    def seen_from(self, center: Array) -> list[_core.AlignmentFrame]:
-        """The frames with the edges that are seen from a center (3,)."""
+    def seen_from(self, pose: Pose) -> list[_core.AlignmentFrame]:
+        """The frames with the edges that are seen at a pose."""
+        center = pose.about(self.frames[0].origin).camera_center
         return [frame.seen_from(center, with_regions=isinstance(self.about, Prior)) for frame in self.frames]
 
     def maxima(
@@ -129,7 +130,7 @@ class ByFocal:
 
 def focal_evidence(by_focal: ByFocal, best: Hypothesis) -> FocalEvidence:
     """What the edges say of the focal lengths of the camera of all frames."""
-    cores = by_focal.seen_from(best.pose.camera_center)
+    cores = by_focal.seen_from(best.pose)
     shift = _derivative(by_focal, cores, best)
     way, given = np.nan_to_num(shift), _gain(by_focal.maxima(cores, 0.0, best.pose))
 
@@ -137,7 +138,7 @@ def focal_evidence(by_focal: ByFocal, best: Hypothesis) -> FocalEvidence:
     for numbers in GROUPS:
         # Longer focal lengths move the camera, which then sees other edges.
         middle = best.pose.moved(float(np.mean(numbers)) * STEPS[0] * way)
-        there = by_focal.seen_from(middle.camera_center)
+        there = by_focal.seen_from(middle)
         for step in (number * STEPS[0] for number in numbers):
             found[step] = by_focal.maxima(there, step, best.pose.moved(step * way), 2)
     gains: dict[float, float] = {}
@@ -161,7 +162,7 @@ def _closer(by_focal: ByFocal, log_focal: float, modes: Sequence[EdgeMode]) -> d
     """
     if not modes:
         return {}
-    pose, cores = modes[0].pose, by_focal.seen_from(modes[0].pose.camera_center)
+    pose, cores = modes[0].pose, by_focal.seen_from(modes[0].pose)
     middles = {
         log_focal + sign * STEPS[1]: by_focal.maxima(cores, log_focal + sign * STEPS[1], pose, 2) for sign in (-1, 0, 1)
     }

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -75,24 +75,24 @@ def search_prior(
     for number, frame in enumerate(frames):
         cores.append(frame.core)
         report(0.3 * (number + 1) / len(frames))
-    modes = density.modes(cores, starts, DRAWS, KEPT)
+    modes = density.modes(cores, [start.about(density.origin) for start in starts], DRAWS, KEPT)
     report(0.8)
-    modes = _or_seen_anew(modes, density, lambda center: [frame.seen_from(center) for frame in frames], density.origin)
+    modes = _or_seen_anew(modes, density, lambda center: [frame.seen_from(center) for frame in frames], np.zeros(3))
     report(1.0)
-    return modes
+    return _in_world(modes, density.origin)
 
 
 def search_about(frames: Sequence[EdgeFrame], pose: Pose, density: Density) -> list[EdgeMode]:
     """The maxima of the posterior about a pose, by the edges beside the frames' regions; that of the largest mass
     first.
     """
-    center = pose.camera_center
+    local = pose.about(density.origin)
 
     def seen_from(center: Array) -> list[_core.AlignmentFrame]:
         return [frame.seen_from(center, with_regions=False) for frame in frames]
 
-    modes = density.modes(seen_from(center), [pose], LOCAL_DRAWS, LOCAL_KEPT)
-    return _or_seen_anew(modes, density, seen_from, center)
+    modes = density.modes(seen_from(local.camera_center), [local], LOCAL_DRAWS, LOCAL_KEPT)
+    return _in_world(_or_seen_anew(modes, density, seen_from, local.camera_center), density.origin)
 
 
 class Density(NamedTuple):
@@ -114,32 +114,40 @@ class Density(NamedTuple):
 
     def maxima(self, frames: Sequence[_core.AlignmentFrame], starts: Sequence[Pose]) -> list[EdgeMode]:
         """The maxima of the posterior of the pose that frames share to which starts lead, that of the largest mass
-        first.
+        first; poses of the world.
         """
-        return self.modes(frames, starts, 0, (len(starts),) * len(KEPT))
+        return _in_world(self.modes(frames, [start.about(self.origin) for start in starts]), self.origin)
 
     def modes(
-        self, frames: Sequence[_core.AlignmentFrame], starts: Sequence[Pose], draws: int, kept: Sequence[int]
+        self,
+        frames: Sequence[_core.AlignmentFrame],
+        starts: Sequence[Pose],
+        draws: int = 0,
+        kept: Sequence[int] | None = None,
     ) -> list[EdgeMode]:
-        """The same about so many drawn poses, too, of which so many are kept by spread."""
+        """The same about the origin, and about so many drawn poses, too, of which so many are kept by spread: as many
+        as there are starts where that is left out.
+        """
         check_wanted()
-        local = [start.about(self.origin) for start in starts]
-        given = [(start.rotation.as_matrix(), start.translation) for start in local]
-        found = _core.search_poses(list(frames), self.core, given, draws, list(kept))
+        given = [(start.rotation.as_matrix(), start.translation) for start in starts]
+        most = list(kept or (len(starts),) * len(KEPT))
+        found = _core.search_poses(list(frames), self.core, given, draws, most)
         # Where photos show no edge, the prior is all that is known.
         return [
-            EdgeMode(self._pose(rotation, translation), covariance, mass, ratio, edges)
+            EdgeMode(Pose(Rotation.from_matrix(rotation), translation), covariance, mass, ratio, edges)
             for rotation, translation, covariance, mass, ratio, edges in found
             if edges
         ]
-
-    def _pose(self, rotation: Array, translation: Array) -> Pose:
-        return Pose(Rotation.from_matrix(rotation), translation).about(-self.origin)
 
 
 def log_mass(modes: Sequence[EdgeMode]) -> float:
     """Logarithm of the mass of all modes together."""
     return float(np.logaddexp.reduce([mode.log_mass for mode in modes])) if modes else -np.inf
+
+
+def _in_world(modes: Sequence[EdgeMode], origin: Array) -> list[EdgeMode]:
+    """Maxima whose poses are about an origin (3,) as those of the world."""
+    return [replace(mode, pose=mode.pose.about(-origin)) for mode in modes]
 
 
 def _or_seen_anew(
@@ -149,9 +157,9 @@ def _or_seen_anew(
     center: Array,
 ) -> list[EdgeMode]:
     """The maxima, or those that they lead to by the edges that are seen from the likeliest one, if these are likelier:
-    from elsewhere than a center (3,) a camera sees other ones.
+    from elsewhere than a center (3,) a camera sees other ones. All about the density's origin.
     """
     if not modes or np.linalg.norm(modes[0].pose.camera_center - center) < ANEW_M:
         return modes
-    anew = density.maxima(seen_from(modes[0].pose.camera_center), [mode.pose for mode in modes])
+    anew = density.modes(seen_from(modes[0].pose.camera_center), [mode.pose for mode in modes])
     return max(modes, anew, key=log_mass)
