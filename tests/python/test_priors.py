@@ -5,12 +5,14 @@ from __future__ import annotations
 import pickle
 import re
 from dataclasses import FrozenInstanceError, dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
 import regionpose as rp
 from numpy.typing import ArrayLike
 from regionpose.cameras import PinholeCamera
+from regionpose.estimation.prior import Mount
 from regionpose.evaluation import setups
 from regionpose.evaluation.studies.conditions import Condition
 from regionpose.evaluation.studies.problems import (
@@ -278,3 +280,44 @@ def test_the_studys_priors_err_by_what_they_say() -> None:
         ways.append(rough.camera_center - true.camera_center)
     for errors, sigma in ((turns, INITIAL_ROTATION_SIGMA_DEG), (ways, INITIAL_CENTER_SIGMA_M)):
         assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(sigma, rel=0.2)
+
+
+MOUNTS = {"front": [1.0, 0.0, 0.0], "left": [0.0, 1.0, 0.0], "rear": [-1.0, 0.0, 0.0], "right": [0.0, -1.0, 0.0]}
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_a_mounted_camera_is_level_and_looks_along_its_mount(mount: Mount) -> None:
+    prior = rp.Prior.mounted(mount, up="z", place=[1.0, 2.0, 3.0], near_m=0.4)
+    assert prior.initial is not None and prior.camera_near is None
+    right, down, forward = prior.initial.rotation.as_matrix()
+    assert forward == pytest.approx(MOUNTS[mount]) and down == pytest.approx([0.0, 0.0, -1.0])
+    assert right == pytest.approx(np.cross([0.0, 0.0, -1.0], MOUNTS[mount]))
+    assert prior.initial.camera_center == pytest.approx([1.0, 2.0, 3.0])
+    assert (prior.initial_rotation_sigma_deg, prior.initial_center_sigma_m) == (20.0, 0.4)
+    assert (prior.up, prior.up_sigma_deg) == ((0.0, 0.0, 1.0), 5.0)
+    assert rp.Prior.mounted(mount).initial_center_sigma_m == 0.5
+
+
+def test_a_mounted_camera_holds_no_more_than_is_given() -> None:
+    assert rp.Prior.mounted() == rp.Prior()
+    assert rp.Prior.mounted(up="-y") == rp.Prior(up=[0.0, -1.0, 0.0], up_sigma_deg=5.0)
+    assert rp.Prior.mounted(up=[0.1, 0.2, 0.9]) == rp.Prior(up=[0.1, 0.2, 0.9], up_sigma_deg=5.0)
+    assert rp.Prior.mounted(near_m=0.3) == rp.Prior(camera_near=[0.0, 0.0, 0.0], camera_near_sigma_m=0.3)
+    assert rp.Prior.mounted(place=[1.0, 0.0, 2.0]) == rp.Prior(camera_near=[1.0, 0.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"mount": "top"}, "mount: found 'top'; needed front, left, rear, right"),
+        ({"up": "north"}, "up: found 'north'; needed x, y, z, -x, -y, -z or a vector"),
+        ({"up": [0.0, 0.0, 0.0]}, "up is a zero vector"),
+        ({"near_m": 0.0}, "near_m: found 0"),
+        ({"mount": "left", "near_m": np.nan}, "near_m: found nan"),
+        ({"mount": "left", "place": [1.0, 2.0]}, "place has shape"),
+        ({"place": [1.0, np.inf, 2.0]}, "place"),
+    ],
+)
+def test_a_mount_that_is_none_is_named(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        rp.Prior.mounted(**given)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -29,15 +29,10 @@ from regionpose.cli.options import (
 from regionpose.outputs import text_writer
 
 if TYPE_CHECKING:
+    from regionpose.estimation.prior import Mount as Direction
     from regionpose.scene.folder import FolderOptions
 
 SCENE_FILE = "scene.yaml"
-
-DEFAULT_NEAR_M, UP_SIGMA_DEG, MOUNT_SIGMA_DEG = 0.5, 5.0, 20.0
-"""What options that say no number are taken to mean: conventions, of both on one vehicle or tripod, of cameras that
-look ahead or slightly down, and of words for directions."""
-
-AXES = ("x", "y", "z")
 
 
 class Mount(StrEnum):
@@ -47,15 +42,6 @@ class Mount(StrEnum):
     left = "left"
     rear = "rear"
     right = "right"
-
-
-FORWARD = {
-    "front": (1.0, 0.0, 0.0),
-    "left": (0.0, 1.0, 0.0),
-    "rear": (-1.0, 0.0, 0.0),
-    "right": (0.0, -1.0, 0.0),
-}
-"""The camera's axis by its mount, in a frame of x forward, y left and z up."""
 
 
 def calibrate(
@@ -185,40 +171,22 @@ def _photo_and_cloud(first: Path, second: Path) -> tuple[Path, Path]:
 
 def _prior(near: str | None, up: str | None, mount: Mount | None, origin: list[float] | None) -> dict[str, Any]:
     """What the options say of the pose, as the scene's key; ValueError that names the option."""
-    import numpy as np
+    from regionpose.estimation.prior import AXES, Prior
+    from regionpose.scene.known import prior_values
 
-    known: dict[str, Any] = {}
-    place = origin or [0.0, 0.0, 0.0]
-    sigma = DEFAULT_NEAR_M
+    place, sigma = None, None
     if near is not None:
-        numbers = numbers_of("--near", near, 4 if "," in near else 1, "meters, or x,y,z,sigma")
-        known["camera_near_sigma_m"] = sigma = numbers[-1]
-        if len(numbers) == 4:
-            known["camera_near"] = place = list(numbers[:3])
-    if up is not None:
-        known |= {"up": _direction(up), "up_sigma_deg": UP_SIGMA_DEG}
-    if mount is not None:
-        forward = np.array(FORWARD[mount.value])
-        right = np.cross(forward, [0.0, 0.0, 1.0])
-        rotation = np.stack([right, [0.0, 0.0, -1.0], forward])
-        matrix = np.column_stack([rotation, -rotation @ place])
-        # The place is the initial pose's, and counts once.
-        known |= {
-            "camera_near": None,
-            "camera_near_sigma_m": None,
-            "initial": {"camera_from_world": {"matrix": matrix.tolist()}},
-            "initial_rotation_sigma_deg": MOUNT_SIGMA_DEG,
-            "initial_center_sigma_m": sigma,
-        }
-    return known
-
-
-def _direction(text: str) -> list[float]:
-    axis = text.lstrip("+-")
-    if axis in AXES and text in {axis, f"+{axis}", f"-{axis}"}:
-        sign = -1.0 if text.startswith("-") else 1.0
-        return [sign * (name == axis) for name in AXES]
-    return list(numbers_of("--up", text, 3, "x, y, z, -x, -y, -z or x,y,z"))
+        *place, sigma = numbers_of("--near", near, 4 if "," in near else 1, "meters, or x,y,z,sigma")
+    axis = None if up is None else AXES.get(up) or numbers_of("--up", up, 3, "x, y, z, -x, -y, -z or x,y,z")
+    # The same words, as a type.
+    forward = cast("Direction | None", mount and mount.value)
+    try:
+        known = Prior.mounted(forward, up=axis, near_m=sigma, place=place or origin)
+    except ValueError as error:
+        raise ValueError(f"--near, --up or --mount: {error}") from error
+    values = prior_values(known)
+    # The scanner's place is that of each cloud's file, where that has one.
+    return values if place or mount is not None else {key: values[key] for key in values.keys() - {"camera_near"}}
 
 
 def _options(

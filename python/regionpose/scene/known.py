@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from regionpose.estimation.options import Solver
-from regionpose.estimation.prior import Prior
+from regionpose.estimation.prior import SIGMAS, Prior
 from regionpose.pose import Pose
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import CameraFromWorld, QuaternionPose, WorldFromCamera
@@ -50,6 +52,18 @@ def scene_prior(scene: Scene, scanner: SensorOrigin | None) -> Prior:
             camera_near_sigma_m=item.camera_near_sigma_m,
         ),
     )
+
+
+def prior_values(prior: Prior) -> dict[str, Any]:
+    """A prior as the scene's key `prior` holds it."""
+    names = ("up", "camera_near", *SIGMAS)
+    values = {name: getattr(prior, name) for name in names if getattr(prior, name) is not None}
+    values = {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+    if prior.initial is None:
+        return values
+    # Without the key the scanner's place counts, beside that of the pose.
+    initial = {"camera_from_world": {"matrix": prior.initial.matrix.tolist()}}
+    return {"camera_near": None, **values, "initial": initial}
 
 
 def given_pose(scene: Scene) -> Pose | None:
