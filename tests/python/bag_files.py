@@ -51,7 +51,9 @@ class Bag:
         extra = {"seq": 0} if self.kind == "ros1" else {}
         return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame, **extra)
 
-    def scan(self, at: int, points: NDArray[np.void], *, frame: str = "lidar", **changed: Any) -> None:
+    def scan(
+        self, at: int, points: NDArray[np.void], *, frame: str = "lidar", topic: str = "/points", **changed: Any
+    ) -> None:
         named = points.dtype.fields
         assert named is not None
         fields = [
@@ -68,7 +70,7 @@ class Bag:
         values = {"header": self.header(at, frame), "height": 1, "width": len(points), "fields": fields}
         values |= {"is_bigendian": False, "point_step": step, "row_step": step * len(points)}
         values |= {"data": np.frombuffer(points.tobytes(), dtype=np.uint8), "is_dense": True}
-        self.written.append(("/points", at, self.make("sensor_msgs/msg/PointCloud2", **(values | changed))))
+        self.written.append((topic, at, self.make("sensor_msgs/msg/PointCloud2", **(values | changed))))
 
     def picture(self, at: int, pixels: NDArray[Any], encoding: str, *, topic: str = "/camera", pad: int = 0) -> None:
         rows = np.ascontiguousarray(pixels).view(np.uint8).reshape(len(pixels), -1)
@@ -83,6 +85,25 @@ class Bag:
         data = np.frombuffer(held.getvalue(), dtype=np.uint8)
         message = self.make("sensor_msgs/msg/CompressedImage", header=self.header(at), format="png", data=data)
         self.written.append(("/compressed", at, message))
+
+    def camera_info(
+        self, at: int, topic: str, matrices: dict[str, NDArray[np.float64]], shape: tuple[int, int]
+    ) -> None:
+        """A calibration by its matrices d, k, r and p."""
+        named = {name.upper() if self.kind == "ros1" else name: values for name, values in matrices.items()}
+        sizes = {"height": shape[0], "width": shape[1], "binning_x": 0, "binning_y": 0}
+        window = self.make(
+            "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
+        )
+        message = self.make(
+            "sensor_msgs/msg/CameraInfo",
+            header=self.header(at),
+            distortion_model="plumb_bob",
+            roi=window,
+            **sizes,
+            **named,
+        )
+        self.written.append((topic, at, message))
 
     def write(self, folder: Path) -> Path:
         """Write it to a folder; the path of the bag."""
@@ -161,17 +182,5 @@ def livox_bag(folder: Path, *, stated: int | None = None, kind: str = "mcap") ->
         points=points,
     )
     made.written.append(("/livox/lidar", BEGIN, scan))
-    lower = kind != "ros1"
-    named = {name if lower else name.upper(): values for name, values in MATRICES.items()}
-    window = made.make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
-    sizes = {"height": 480, "width": 640, "binning_x": 0, "binning_y": 0}
-    calibration = made.make(
-        "sensor_msgs/msg/CameraInfo",
-        header=made.header(BEGIN),
-        distortion_model="plumb_bob",
-        roi=window,
-        **sizes,
-        **named,
-    )
-    made.written.append(("/camera/camera_info", BEGIN, calibration))
+    made.camera_info(BEGIN, "/camera/camera_info", MATRICES, (480, 640))
     return made.write(folder)

@@ -395,7 +395,10 @@ def test_a_mount_is_a_level_camera_that_looks_there(pair: Path, monkeypatch: pyt
 
 BAD: dict[str, tuple[list[str], str]] = {
     "two photos": (["0001.png", "0002.png"], r"0002\.png: found a second photo; needed a cloud"),
-    "three paths": (["0001.png", "0001.ply", "0002.ply"], "found 3 paths; needed a folder, or a photo and a cloud"),
+    "three paths": (
+        ["0001.png", "0001.ply", "0002.ply"],
+        "found 3 paths; needed a folder, a bag, or a photo and a cloud",
+    ),
     "no such cloud": (["0001.png", "0009.ply"], r"0009\.ply: found nothing; needed a photo and a cloud"),
     "no such photo": (["0009.png", "0001.ply"], r"0009\.png: found nothing; needed a photo and a cloud"),
     "one file": (["0001.png"], r"0001\.png: found a file; needed a folder"),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from hashlib import sha256
 from itertools import islice
 from pathlib import Path
+from struct import unpack_from
 from typing import Any, NamedTuple
 
 from regionpose.bags.place import NANOSECONDS, BagPlace
@@ -93,6 +95,46 @@ def digest(place: BagPlace) -> tuple[int, str]:
     return len(content), sha256(content).hexdigest()
 
 
+class RecordedMessage(NamedTuple):
+    """A message that a pass over a bag meets.
+
+    `time_ns`: when it was recorded, `stamp_ns`: the time in its header, both from the bag's beginning. `share`: how
+    much of the recording is read with it, from 0 to 1. `read` returns its content; FileError where that is damaged.
+    """
+
+    topic: str
+    time_ns: int
+    stamp_ns: int
+    share: float
+    read: Callable[[], Any]
+
+
+def recorded_messages(bag: Path, topics: Sequence[str]) -> Generator[RecordedMessage, None, None]:
+    """The messages of topics of a bag, whose types begin with a header, in the order of their recording, one at a time.
+
+    FileError for a bag without one of the topics; else errors as of `read_messages`.
+    """
+    places = [BagPlace(bag, topic) for topic in topics]
+    with _opened(BagPlace(bag, "")) as reader:
+        connections = [each for place in places for each in _connections(place, reader, ())]
+        begin, duration = reader.start_time, max(1, reader.duration)
+        for connection, time, raw in reader.messages(connections):
+            read = partial(_deserialized, reader, connection, raw)
+            stamp = _stamp_ns(raw, is_big_endian=reader.is2 and not raw[1]) - begin
+            yield RecordedMessage(connection.topic, time - begin, stamp, (time - begin) / duration, read)
+
+
+def _stamp_ns(raw: bytes, *, is_big_endian: bool) -> int:
+    """The time of a header, which stands after four bytes: its number in ROS 1, the encoding's in ROS 2."""
+    seconds, nanoseconds = unpack_from(">iI" if is_big_endian else "<iI", raw, 4)
+    return int(seconds) * NANOSECONDS + int(nanoseconds)
+
+
+def _deserialized(reader: Any, connection: Any, raw: bytes) -> Any:
+    with _damage_named(BagPlace(Path(reader.paths[0]), connection.topic)):
+        return reader.deserialize(raw, connection.msgtype)
+
+
 @contextmanager
 def usual_fields(place: BagPlace) -> Iterator[None]:
     """FileError where messages lack fields of their type, or hold others in them: a bag defines its types itself."""
@@ -118,9 +160,19 @@ def _opened(place: BagPlace) -> Iterator[Any]:
     known = typesys.get_typestore(typesys.Stores.LATEST)
     for name, definition in FURTHER_TYPES.items():
         known.register(typesys.get_types_from_msg(definition, name))
+    with (
+        _damage_named(place),
+        bounded(place.bag),
+        highlevel.AnyReader([place.bag], default_typestore=known) as reader,
+    ):
+        yield reader
+
+
+@contextmanager
+def _damage_named(place: BagPlace) -> Iterator[None]:
+    """FileError that names the place for errors of the packages that read bags."""
     try:
-        with bounded(place.bag), highlevel.AnyReader([place.bag], default_typestore=known) as reader:
-            yield reader
+        yield
     except (FileError, MissingExtraError):
         raise
     # Damage shows as errors of rosbags, of its decompressors, and of SQLite, each of its own type.

@@ -24,10 +24,14 @@ def read_bag_picture(place: BagPlace) -> Picture:
     """
     if place.count != 1:
         raise FileError(f"{place}: found {place.count} messages asked for; needed one of a picture")
-    message = read_messages(place, KINDS)[0]
-    read: Callable[[BagPlace, Any], Picture] = _decoded if hasattr(message.content, "format") else _unpacked
+    return message_picture(place, read_messages(place, KINDS)[0].content)
+
+
+def message_picture(place: BagPlace, message: Any) -> Picture:
+    """The picture (h, w, 3) of the content of an Image or a CompressedImage; FileError as of `read_bag_picture`."""
+    read: Callable[[BagPlace, Any], Picture] = _decoded if hasattr(message, "format") else _unpacked
     with usual_fields(place):
-        return read(place, message.content)
+        return read(place, message)
 
 
 def _decoded(place: BagPlace, message: Any) -> Picture:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from regionpose.cli.console import Progress
+from regionpose.cli.console import Progress, say_remarks
 from regionpose.cli.estimate import run_scene
 from regionpose.cli.options import (
     CAMERA_HELP,
@@ -26,6 +26,7 @@ from regionpose.cli.options import (
     names_of,
     numbers_of,
 )
+from regionpose.cli.recordings import Choice, recording_scene
 from regionpose.outputs import text_writer
 
 if TYPE_CHECKING:
@@ -48,13 +49,18 @@ def calibrate(
     paths: Annotated[
         list[Path],
         typer.Argument(
-            help="Folder of photos and clouds, a pair having one name; or a photo and a cloud.",
-            metavar="FOLDER | PHOTO CLOUD",
+            help="Folder of photos and clouds, a pair having one name; a bag of ROS or an MCAP file; or a photo and a"
+            " cloud.",
+            metavar="FOLDER | BAG | PHOTO CLOUD",
         ),
     ],
     camera: Annotated[
         Path | None,
-        typer.Option("--camera", help=f"{CAMERA_HELP}  [default: the pairs' scene files say it]", show_default=False),
+        typer.Option(
+            "--camera",
+            help=f"{CAMERA_HELP}  [default: that of the pairs' scene files, or of the bag]",
+            show_default=False,
+        ),
     ] = None,
     camera_name: CameraName = None,
     camera_model: CameraModel = None,
@@ -95,6 +101,33 @@ def calibrate(
             show_default=False,
         ),
     ] = None,
+    photos: Annotated[
+        str | None,
+        typer.Option(
+            "--photos", metavar="TOPIC", help="Photos of a bag.  [default: its only ones]", show_default=False
+        ),
+    ] = None,
+    clouds: Annotated[
+        str | None,
+        typer.Option(
+            "--clouds", metavar="TOPIC", help="Clouds of a bag.  [default: its only ones]", show_default=False
+        ),
+    ] = None,
+    times: Annotated[
+        str | None,
+        typer.Option(
+            "--times", help="Seconds from a bag's beginning at which to take photos, as 3.5,20.", show_default=False
+        ),
+    ] = None,
+    frames: Annotated[
+        int | None,
+        typer.Option(
+            "--frames",
+            min=1,
+            help="How many photos of a bag to take, those without motion and with many edges.  [default: 5]",
+            show_default=False,
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="Folder for the files.  [default: FOLDER-result or PHOTO-result, beside it]"),
@@ -116,35 +149,46 @@ def calibrate(
     0001.yaml, they are matched with the planes of the cloud. Writes what `regionpose estimate` writes, and the
     scene.yaml that it runs.
 
+    Of a bag, a few photos are taken, spread over all that it shows, each with the cloud nearest to it in time.
+
     \b
     Examples:
       regionpose calibrate photo.png scan.pcd --camera calib.yaml --up z
       regionpose calibrate drive --camera calib.yaml --up z --mount front
       regionpose calibrate drive --camera calib.yaml --coco annotations.json --out result
+      regionpose calibrate drive.mcap --photos /camera/image_raw --up z --mount front
       regionpose calibrate drive --json --quiet | jq .camera_from_world.matrix
     """
+    from regionpose.bags.place import is_bag
     from regionpose.scene.folder import folder_scene, pair_scene
 
     if len(paths) > 2:
-        raise ValueError(f"found {len(paths)} paths; needed a folder, or a photo and a cloud")
+        raise ValueError(f"found {len(paths)} paths; needed a folder, a bag, or a photo and a cloud")
     # The photo first.
     paths = list(_photo_and_cloud(*paths)) if len(paths) == 2 else paths
+    choice = Choice(photos, clouds, times, frames)
+    is_recording = len(paths) == 1 and is_bag(paths[0])
+    choice.check(paths[0], is_recording=is_recording)
     first = paths[0].resolve()
-    result = out or paths[0].parent / f"{first.name if len(paths) == 1 else first.stem}-result"
+    result = out or paths[0].parent / f"{first.name if first.is_dir() else first.stem}-result"
     origin = None if sensor_origin is None else list(numbers_of("--sensor-origin", sensor_origin, 3, "x,y,z"))
+    remarks: list[str] = []
     with Progress(quiet) as progress:
-        progress.begin("pairs of the folder" if len(paths) == 1 else "files")
         chosen = {"name": camera_name, "model": camera_model, "rectified": rectified}
         options = replace(
             _options(camera, chosen, origin, coco), columns=names_of(columns), prior=_prior(near, up, mount, origin)
         )
-        alone: list[Path] = []
-        if len(paths) == 1:
+        if is_recording:
+            scene, remarks = recording_scene(paths[0], result / SCENE_FILE, options, choice, progress)
+        elif len(paths) == 1:
+            progress.begin("pairs of the folder")
             scene, alone = folder_scene(paths[0], result / SCENE_FILE, options)
+            if alone:
+                remarks = [f"left out, no cloud of the name: {', '.join(photo.name for photo in alone)}"]
         else:
+            progress.begin("files")
             scene = pair_scene(paths[0], paths[1], result / SCENE_FILE, options)
-    if alone and not quiet:
-        typer.echo(f"left out, no cloud of the name: {', '.join(photo.name for photo in alone)}", err=True)
+    say_remarks(remarks, quiet)
     run_scene(
         asking(scene, segmenter),
         result,

@@ -100,23 +100,30 @@ def folder_scene(folder: Path, path: Path, options: FolderOptions | None = None)
     Its document holds the text to be written. SceneError that names a pair's file for what cannot be used.
     """
     pairs, alone = folder_pairs(folder)
-    return _scene_of(folder, pairs, path, options or FolderOptions()), alone
+    return scene_of_pairs(folder, pairs, path, options or FolderOptions()), alone
 
 
 def pair_scene(photo: Path, cloud: Path, path: Path, options: FolderOptions) -> Scene:
     """The scene of one photo and one cloud, to be written to `path`, and of the scene file beside the photo."""
     document = _document(photo.parent, photo.stem)
-    return _scene_of(photo, [Pair(photo.stem, photo, cloud, document, ())], path, options)
+    return scene_of_pairs(photo, [Pair(photo.stem, photo, cloud, document, ())], path, options)
 
 
-def _scene_of(folder: Path, pairs: Sequence[Pair], path: Path, chosen: FolderOptions) -> Scene:
+def scene_of_pairs(
+    folder: Path, pairs: Sequence[Pair], path: Path, chosen: FolderOptions, remarks: Sequence[str] = ()
+) -> Scene:
+    """The scene of pairs, to be written to `path`, with remarks as comments; `folder`: named where a camera is missing.
+
+    SceneError that names a pair's file for what cannot be used.
+    """
     values, sources = _shared(folder, pairs, path.parent, chosen)
     by_edges = not any(_has_regions(pair, chosen, path.parent) for pair in pairs)
     frames = [_frame(pair, path.parent, chosen, by_edges=by_edges) for pair in pairs]
     values["frames"] = [frame for frame, _ in frames]
     for index, (_, own) in enumerate(frames):
         sources |= {("frames", index, *place): source for place, source in own.items()}
-    written = document_of(path, (HEADING + to_yaml(values)).encode())
+    heading = HEADING + "".join(f"# {remark}\n" for remark in remarks)
+    written = document_of(path, (heading + to_yaml(values)).encode())
     return scene_of(FolderDocument(path, written.value, written.lines, written.content, sources))
 
 
