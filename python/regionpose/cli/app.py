@@ -13,6 +13,7 @@ import typer
 
 from regionpose import __version__
 from regionpose.cli import calibrate, demo, estimate, evaluate, export, fuse, info, pick, project, schema, segment
+from regionpose.cli.console import one_line
 
 FINE, BAD_INPUT, NO_POSE, INTERRUPTED, TERMINATED = 0, 2, 3, 130, 143
 
@@ -95,11 +96,11 @@ def _run(arguments: Sequence[str] | None) -> int:
         code = INTERRUPTED if isinstance(end.__context__, typer.Abort) else end.code
         return code if isinstance(code, int) else FINE
     except (ValueError, OSError) as error:
-        return _failed(_one_line(error), NO_POSE if _is_pose_error(error) else BAD_INPUT)
+        return _failed(one_line(error), NO_POSE if _is_pose_error(error) else BAD_INPUT)
     except ImportError as error:
         if not _is_missing_extra(error):
             raise
-        return _failed(_one_line(error), BAD_INPUT)
+        return _failed(one_line(error), BAD_INPUT)
     return FINE
 
 
@@ -130,12 +131,6 @@ def _is_pose_error(error: BaseException) -> bool:
     from regionpose.estimation.answer import PoseError
 
     return isinstance(error, PoseError)
-
-
-def _one_line(error: BaseException) -> str:
-    if isinstance(error, OSError) and error.strerror and error.filename is not None:
-        return f"{error.filename}: {error.strerror.lower()}"
-    return " ".join(str(error).split()) or type(error).__name__
 
 
 def _failed(message: str, code: int) -> int:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from regionpose.cli.cameras import SCENE_FILE, camera_scenes, left_out, run_cameras
 from regionpose.cli.console import Progress, say_remarks
 from regionpose.cli.estimate import run_scene
+from regionpose.cli.known import Known
 from regionpose.cli.options import (
     CAMERA_HELP,
     AsJson,
@@ -24,25 +25,12 @@ from regionpose.cli.options import (
     Strict,
     asking,
     names_of,
-    numbers_of,
 )
 from regionpose.cli.recordings import Choice, recording_scene
 from regionpose.outputs import text_writer
 
 if TYPE_CHECKING:
-    from regionpose.estimation.prior import Mount as Direction
     from regionpose.scene.folder import FolderOptions
-
-SCENE_FILE = "scene.yaml"
-
-
-class Mount(StrEnum):
-    """Directions of a vehicle."""
-
-    front = "front"
-    left = "left"
-    rear = "rear"
-    right = "right"
 
 
 def calibrate(
@@ -94,10 +82,12 @@ def calibrate(
         ),
     ] = None,
     mount: Annotated[
-        Mount | None,
+        list[str] | None,
         typer.Option(
             "--mount",
-            help="Where the camera looks, to some 20 degrees, in clouds with x forward, y left and z up.",
+            metavar="[CAMERA=]front|left|rear|right",
+            help="Where the camera looks, to some 20 degrees, in clouds with x forward, y left and z up. Of several"
+            " cameras once for each, as left=front.",
             show_default=False,
         ),
     ] = None,
@@ -149,6 +139,9 @@ def calibrate(
     0001.yaml, they are matched with the planes of the cloud. Writes what `regionpose estimate` writes, and the
     scene.yaml that it runs.
 
+    A folder without photos whose folders have some is one of several cameras: front/0001.png, front/calib.yaml, and
+    the cloud 0001.pcd or clouds/0001.pcd for all cameras. Each camera has a pose and a folder of results.
+
     Of a bag, a few photos are taken, spread over all that it shows, each with the cloud nearest to it in time.
 
     \b
@@ -157,10 +150,11 @@ def calibrate(
       regionpose calibrate drive --camera calib.yaml --up z --mount front
       regionpose calibrate drive --camera calib.yaml --coco annotations.json --out result
       regionpose calibrate drive.mcap --photos /camera/image_raw --up z --mount front
+      regionpose calibrate rig --up z --mount front=front --mount left=left
       regionpose calibrate drive --json --quiet | jq .camera_from_world.matrix
     """
     from regionpose.bags.place import is_bag
-    from regionpose.scene.folder import folder_scene, pair_scene
+    from regionpose.scene.folder import camera_folders, folder_scene, pair_scene
 
     if len(paths) > 2:
         raise ValueError(f"found {len(paths)} paths; needed a folder, a bag, or a photo and a cloud")
@@ -171,20 +165,27 @@ def calibrate(
     choice.check(paths[0], is_recording=is_recording)
     first = paths[0].resolve()
     result = out or paths[0].parent / f"{first.name if first.is_dir() else first.stem}-result"
-    origin = None if sensor_origin is None else list(numbers_of("--sensor-origin", sensor_origin, 3, "x,y,z"))
+    known = Known.of(near, up, mount or (), sensor_origin)
+    folders = camera_folders(paths[0]) if len(paths) == 1 and not is_recording else []
+    named = {"name": camera_name, "model": camera_model, "rectified": rectified}
+    options = replace(_options(camera, named, known.origin, coco), columns=names_of(columns))
+    if folders:
+        known.check([folder.name for folder in folders])
+        priors = {folder.name: known.prior(folder.name) for folder in folders}
+        scenes = camera_scenes(paths[0], folders, result, options, priors, quiet=quiet)
+        scenes = {name: asking(scene, segmenter) for name, scene in scenes.items()}
+        run_cameras(scenes, result, force=force, as_json=as_json, quiet=quiet, strict=strict)
+        return
+    known.check([])
+    options = replace(options, prior=known.prior())
     remarks: list[str] = []
     with Progress(quiet) as progress:
-        chosen = {"name": camera_name, "model": camera_model, "rectified": rectified}
-        options = replace(
-            _options(camera, chosen, origin, coco), columns=names_of(columns), prior=_prior(near, up, mount, origin)
-        )
         if is_recording:
             scene, remarks = recording_scene(paths[0], result / SCENE_FILE, options, choice, progress)
         elif len(paths) == 1:
             progress.begin("pairs of the folder")
             scene, alone = folder_scene(paths[0], result / SCENE_FILE, options)
-            if alone:
-                remarks = [f"left out, no cloud of the name: {', '.join(photo.name for photo in alone)}"]
+            remarks = left_out(alone)
         else:
             progress.begin("files")
             scene = pair_scene(paths[0], paths[1], result / SCENE_FILE, options)
@@ -211,26 +212,6 @@ def _photo_and_cloud(first: Path, second: Path) -> tuple[Path, Path]:
     if pictures[0] and pictures[1]:
         raise ValueError(f"{second}: found a second photo; needed a cloud")
     return (second, first) if pictures[1] else (first, second)
-
-
-def _prior(near: str | None, up: str | None, mount: Mount | None, origin: list[float] | None) -> dict[str, Any]:
-    """What the options say of the pose, as the scene's key; ValueError that names the option."""
-    from regionpose.estimation.prior import AXES, Prior
-    from regionpose.scene.known import prior_values
-
-    place, sigma = None, None
-    if near is not None:
-        *place, sigma = numbers_of("--near", near, 4 if "," in near else 1, "meters, or x,y,z,sigma")
-    axis = None if up is None else AXES.get(up) or numbers_of("--up", up, 3, "x, y, z, -x, -y, -z or x,y,z")
-    # The same words, as a type.
-    forward = cast("Direction | None", mount and mount.value)
-    try:
-        known = Prior.mounted(forward, up=axis, near_m=sigma, place=place or origin)
-    except ValueError as error:
-        raise ValueError(f"--near, --up or --mount: {error}") from error
-    values = prior_values(known)
-    # The scanner's place is that of each cloud's file, where that has one.
-    return values if place or mount is not None else {key: values[key] for key in values.keys() - {"camera_near"}}
 
 
 def _options(

@@ -113,6 +113,13 @@ def say_remarks(remarks: Sequence[str], quiet: bool) -> None:
             typer.echo(remark, err=True)
 
 
+def one_line(error: BaseException) -> str:
+    """The message of an error, in one line."""
+    if isinstance(error, OSError) and error.strerror and error.filename is not None:
+        return f"{error.filename}: {error.strerror.lower()}"
+    return " ".join(str(error).split()) or type(error).__name__
+
+
 def say_json(values: object) -> None:
     """Print values as JSON."""
     typer.echo(json.dumps(values, indent=2, allow_nan=False))

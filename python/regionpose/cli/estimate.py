@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -14,7 +14,7 @@ from regionpose.outputs import Writer, claimed
 from regionpose.units import angle_text, length_text
 
 if TYPE_CHECKING:
-    from regionpose.scene import Scene, SceneEstimate
+    from regionpose.scene import Scene, SceneEstimate, Stages
     from regionpose.scene.bundle import Truth
 
 WARNED, DOUBTED = 1, 3
@@ -62,24 +62,52 @@ def run_scene(
     extra: Mapping[str, Writer] | None = None,
 ) -> None:
     """Estimate a checked scene, write its files and `extra` ones to the folder `out`, and say the result."""
+    with Progress(quiet) as progress:
+        outcome = scene_outcome(scene, out, progress.stages, force=force, truth=truth, extra=extra)
+    if as_json:
+        say_json(outcome.result)
+    else:
+        _say(*outcome)
+    code = exit_code(outcome.run, strict=strict)
+    if code:
+        raise typer.Exit(code)
+
+
+class Outcome(NamedTuple):
+    """The run of a scene, its result as in result.json, and the files that were written."""
+
+    run: SceneEstimate
+    result: dict[str, Any]
+    written: list[Path]
+
+
+def scene_outcome(
+    scene: Scene,
+    out: Path,
+    stages: Stages,
+    *,
+    force: bool,
+    truth: Truth | None = None,
+    extra: Mapping[str, Writer] | None = None,
+) -> Outcome:
+    """Estimate a checked scene and write its files and `extra` ones to the folder `out`."""
     from regionpose.scene import estimate_scene
     from regionpose.scene.bundle import bundle, file_names
-    from regionpose.scene.verdict import DOUBTFUL, verdict
 
     more = dict(extra or {})
-    with claimed(out, [*more, *file_names(scene)], force=force) as claim, Progress(quiet) as progress:
-        stages = progress.stages
+    with claimed(out, [*more, *file_names(scene)], force=force) as claim:
         run = estimate_scene(scene, stages)
         files = bundle(run, stages, truth, out)
-        written = claim.write({**more, **files.writers})
-    if as_json:
-        say_json(files.result)
-    else:
-        _say(run, files.result, written)
+        return Outcome(run, files.result, claim.write({**more, **files.writers}))
+
+
+def exit_code(run: SceneEstimate, *, strict: bool) -> int:
+    """The exit code of a pose, 0 of one without a warning that counts."""
+    from regionpose.scene.verdict import DOUBTFUL, verdict
+
     if verdict(run).level == DOUBTFUL:
-        raise typer.Exit(DOUBTED)
-    if strict and run.estimate.warnings:
-        raise typer.Exit(WARNED)
+        return DOUBTED
+    return WARNED if strict and run.estimate.warnings else 0
 
 
 def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> None:
@@ -112,10 +140,10 @@ def _say_pose(run: SceneEstimate) -> None:
     say_rows(
         [
             ("quat_xyzw", f"[{quaternion}]"),
-            ("translation_m", _vector(estimate.pose.translation, 6)),
-            ("camera center in world, m", _vector(estimate.pose.camera_center, 6)),
-            ("rotation sigma, deg", _vector(estimate.rotation_sigma_deg, 4)),
-            ("translation sigma, m", _vector(estimate.translation_sigma_m, 5)),
+            ("translation_m", vector_text(estimate.pose.translation, 6)),
+            ("camera center in world, m", vector_text(estimate.pose.camera_center, 6)),
+            ("rotation sigma, deg", vector_text(estimate.rotation_sigma_deg, 4)),
+            ("translation sigma, m", vector_text(estimate.translation_sigma_m, 5)),
             ("confidence", f"{100.0 * estimate.confidence:.1f} %"),
             *([] if fit.on_their_side is None else [(fit.measure, fit.value)]),
             *_overlap(run),
@@ -190,13 +218,13 @@ def _say_search(result: dict[str, Any]) -> None:
     place = prior["camera_near_m"]
     if place is None:
         sigma_m, place = prior["initial_center_sigma_m"], _center(initial)
-    near = f"within {sigma_m:g} m (1 sigma) of {_vector(place, 2)} m"
+    near = f"within {sigma_m:g} m (1 sigma) of {vector_text(place, 2)} m"
     turns = "every rotation"
     if prior["initial_rotation_sigma_deg"] is not None:
         turns = f"rotations within {prior['initial_rotation_sigma_deg']:g} deg (1 sigma) of the initial one"
     elif prior["up"] is not None:
         sigma = prior["up_sigma_deg"] or 15.0
-        turns = f"every heading, {_vector(prior['up'], 1)} being up to {sigma:g} deg (1 sigma)"
+        turns = f"every heading, {vector_text(prior['up'], 1)} being up to {sigma:g} deg (1 sigma)"
     typer.echo(f"searched: {near}{' (assumed)' * bool(assumed)}; {turns}")
     lead = found["log_odds_over_next"]
     others = "no other pose" if lead is None else f"e^{lead:.1f} over the likeliest other pose"
@@ -213,10 +241,10 @@ def _say_known(result: dict[str, Any]) -> None:
     """Where the scanner stood, and what was made of it."""
     scanner, near = result["sensor_origin"], result["camera_near"]
     if scanner is not None:
-        typer.echo(f"scanner at {_vector(scanner['place_in_world_m'], 3)} m, by {scanner['said_by']}")
+        typer.echo(f"scanner at {vector_text(scanner['place_in_world_m'], 3)} m, by {scanner['said_by']}")
     if near is not None:
         hint = "; prior.camera_near: null if it doesn't" if near["said_by"] == "sensor_origin" else ""
-        place = _vector(near["place_in_world_m"], 3)
+        place = vector_text(near["place_in_world_m"], 3)
         typer.echo(f"the camera stands near {place} m, to {near['sigma_m']:g} m, by {near['said_by']}{hint}")
 
 
@@ -227,7 +255,8 @@ def _say_truth(result: dict[str, Any]) -> None:
         typer.echo(f"error against the truth: {turn}, {shift} (camera center)")
 
 
-def _vector(values: object, digits: int) -> str:
+def vector_text(values: object, digits: int) -> str:
+    """Numbers with so many digits after the point."""
     import numpy as np
 
     # Without the sign of what is rounded to nothing.

@@ -24,6 +24,12 @@ HEADING = "# Written by `regionpose calibrate`; `regionpose estimate` on it give
 SHARED = ("camera", "prior", "solver")
 """Keys of a pair's scene file that are the rig's, and the same in all pairs that have them."""
 
+CLOUDS = "clouds"
+"""The folder with the clouds that several cameras share, unless these are beside the cameras' folders."""
+
+CALIBRATION = "calib"
+"""The name, without its ending, of the calibration in a folder of photos."""
+
 SEGMENTED = "{}-regions/scene.yaml"
 """What `regionpose segment` writes of a pair's scene file."""
 
@@ -94,12 +100,15 @@ class Pair:
         return {} if self.document is None or not isinstance(self.document.value, dict) else self.document.value
 
 
-def folder_scene(folder: Path, path: Path, options: FolderOptions | None = None) -> tuple[Scene, list[Path]]:
+def folder_scene(
+    folder: Path, path: Path, options: FolderOptions | None = None, shared: Sequence[Path] = ()
+) -> tuple[Scene, list[Path]]:
     """The scene of all pairs of a folder, to be written to `path`, and the photos left out for want of a cloud.
 
-    Its document holds the text to be written. SceneError that names a pair's file for what cannot be used.
+    Its document holds the text to be written. `shared`: further folders with clouds. SceneError that names a pair's
+    file for what cannot be used.
     """
-    pairs, alone = folder_pairs(folder)
+    pairs, alone = folder_pairs(folder, shared)
     return scene_of_pairs(folder, pairs, path, options or FolderOptions()), alone
 
 
@@ -127,20 +136,35 @@ def scene_of_pairs(
     return scene_of(FolderDocument(path, written.value, written.lines, written.content, sources))
 
 
-def folder_pairs(folder: Path) -> tuple[list[Pair], list[Path]]:
-    """The pairs of a folder by name, and the photos without a cloud.
+def camera_folders(folder: Path) -> list[Path]:
+    """Folders with photos in a folder that has none itself, one for each camera; none of another folder."""
+    if not folder.is_dir() or _by_name(_files(folder), IMAGE_SUFFIXES):
+        return []
+    inner = sorted(each for each in folder.iterdir() if each.is_dir() and not each.name.startswith("."))
+    return [each for each in inner if each.name != CLOUDS and _by_name(_files(each), IMAGE_SUFFIXES)]
+
+
+def _files(folder: Path) -> list[Path]:
+    return sorted(file for file in folder.iterdir() if file.is_file()) if folder.is_dir() else []
+
+
+def folder_pairs(folder: Path, shared: Sequence[Path] = ()) -> tuple[list[Pair], list[Path]]:
+    """The pairs of a folder by name, and the photos without a cloud, which may also be in one of the `shared` folders.
 
     A picture without a cloud whose name begins with a pair's and a hyphen is a mask of the pair. SceneError where
     there is no pair, or a name has several photos or clouds.
     """
     if not folder.is_dir():
         raise SceneError(f"{folder}: found {'a file' if folder.exists() else 'nothing'}; needed a folder")
-    files = sorted(file for file in folder.iterdir() if file.is_file())
-    photos, clouds = _by_name(files, IMAGE_SUFFIXES), _by_name(files, ENDINGS)
+    photos, clouds = _by_name(_files(folder), IMAGE_SUFFIXES), _by_name(_files(folder), ENDINGS)
+    for place in shared:
+        clouds = _by_name(_files(place), ENDINGS) | clouds
     documents = {name: _document(folder, name) for name in photos}
     paired = [name for name in photos if name in clouds or _names_cloud(documents[name])]
     if not paired:
-        raise SceneError(f"{folder}: found no photo with a cloud of its name; needed such as 0001.png and 0001.pcd")
+        places = " or ".join(str(place) for place in shared)
+        needed = "needed such as 0001.png and 0001.pcd" + f" beside it, or in {places}" * bool(places)
+        raise SceneError(f"{folder}: found no photo with a cloud of its name; {needed}")
     masks: dict[str, list[Path]] = {name: [] for name in paired}
     alone: list[Path] = []
     for name in photos.keys() - masks.keys():
@@ -203,8 +227,20 @@ def _shared(folder: Path, pairs: Sequence[Pair], out: Path, options: FolderOptio
     for document in (pair.document for pair in pairs if pair.document is not None):
         _share(document, values, sources, out, given)
     if "camera" not in values:
-        raise SceneError(f"{folder}: found no camera; needed --camera, or the key camera in a pair's scene file")
+        calibration = _calibration(folder)
+        values["camera"], sources["camera",] = relative(calibration, out), Source(calibration)
     return {key: values[key] for key in SHARED if key in values}, sources
+
+
+def _calibration(folder: Path) -> Path:
+    """The calibration in a folder; SceneError where there is none, or several."""
+    found = [file for file in _files(folder) if file.stem == CALIBRATION]
+    if len(found) > 1:
+        raise SceneError(f"{found[0]}: found {found[1].name}, too; needed one calibration, or --camera")
+    if not found:
+        beside = f", or {CALIBRATION}.yaml in the folder" * folder.is_dir()
+        raise SceneError(f"{folder}: found no camera; needed --camera, the key camera in a pair's scene file{beside}")
+    return found[0]
 
 
 def _share(document: Document, values: Values, sources: Sources, out: Path, given: set[str]) -> None:

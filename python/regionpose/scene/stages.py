@@ -26,8 +26,9 @@ class Stages:
 
     @contextmanager
     def within(self, whose: str) -> Iterator[None]:
-        """Say before the name of each stage in the block whose it is, such as a frame's."""
-        before, self._whose = self._whose, f"{whose}: " if whose else ""
+        """Say before the name of each stage in the block whose it is, such as a camera's, and of it a frame's."""
+        before = self._whose
+        self._whose += f"{whose}: " if whose else ""
         try:
             yield
         finally:

@@ -1,0 +1,76 @@
+"""What `--near`, `--up` and `--mount` of `regionpose calibrate` say of poses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+from regionpose.cli.options import numbers_of
+
+if TYPE_CHECKING:
+    from regionpose.estimation.prior import Mount
+
+MOUNTS = ("front", "left", "rear", "right")
+
+
+class Known(NamedTuple):
+    """The options, read: a place and how near the camera is to it, a direction, mounts by camera, and the scanner's
+    place.
+
+    `mounts` has the key None for a mount of all cameras.
+    """
+
+    place: list[float] | None
+    near_m: float | None
+    up: tuple[float, ...] | None
+    mounts: dict[str | None, Mount]
+    origin: list[float] | None
+
+    @classmethod
+    def of(cls, near: str | None, up: str | None, mounts: Sequence[str], origin: str | None) -> Known:
+        """What the words say; ValueError that names the option."""
+        from regionpose.estimation.prior import AXES
+
+        place, sigma = None, None
+        if near is not None:
+            *place, sigma = numbers_of("--near", near, 4 if "," in near else 1, "meters, or x,y,z,sigma")
+        axis = None if up is None else AXES.get(up) or numbers_of("--up", up, 3, "x, y, z, -x, -y, -z or x,y,z")
+        scanner = None if origin is None else list(numbers_of("--sensor-origin", origin, 3, "x,y,z"))
+        return cls(place or None, sigma, axis, _mounts(mounts), scanner)
+
+    def check(self, cameras: Sequence[str]) -> None:
+        """Pass where mounts are those of cameras, or of the only one, without names; ValueError otherwise."""
+        for name in self.mounts:
+            if name is not None and name not in cameras:
+                needed = f"a mount of {', '.join(cameras)}" if cameras else "front, left, rear or right alone"
+                raise ValueError(f"--mount: found one of {name}; needed {needed}")
+
+    def prior(self, camera: str | None = None) -> dict[str, Any]:
+        """What is known of a camera's pose, as the scene's key; ValueError that names the options."""
+        from regionpose.estimation.prior import Prior
+        from regionpose.scene.known import prior_values
+
+        mount = self.mounts.get(camera, self.mounts.get(None))
+        try:
+            prior = Prior.mounted(mount, up=self.up, near_m=self.near_m, place=self.place or self.origin)
+        except ValueError as error:
+            raise ValueError(f"--near, --up or --mount: {error}") from error
+        values = prior_values(prior)
+        # The scanner's place is that of each cloud's file, where that has one.
+        if self.place is None and mount is None:
+            values.pop("camera_near", None)
+        return values
+
+
+def _mounts(words: Sequence[str]) -> dict[str | None, Mount]:
+    """Mounts by camera; ValueError for other words, and for two mounts of a camera."""
+    found: dict[str | None, Mount] = {}
+    for word in words:
+        name, mark, direction = word.rpartition("=")
+        camera = name if mark else None
+        if direction not in MOUNTS or (mark and not name):
+            raise ValueError(f"--mount: found {word!r}; needed {', '.join(MOUNTS)}, or CAMERA=front")
+        if camera in found:
+            raise ValueError(f"--mount: found {word!r} beside another one; needed one for each camera")
+        found[camera] = cast("Mount", direction)
+    return found
