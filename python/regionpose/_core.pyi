@@ -212,9 +212,10 @@ def search_poses(
     draws: int,
     kept: Sequence[int],
     threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
 ) -> list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float, float, int]]:
     """Maxima of the posterior, of the largest mass first: rotation (3, 3), translation (3,), covariance (6, 6), log
-    mass about it, log likelihood ratio at it, number of edges.
+    mass about it, log likelihood ratio at it, number of edges. What `progress` raises ends the search.
     """
 
 def edge_spreads() -> list[float]:

@@ -124,6 +124,8 @@ def test_alternatives_are_elsewhere_and_share_what_the_pose_leaves(found: Found)
 def test_progress_rises_from_0_to_1(found: Found) -> None:
     assert found.shares == sorted(found.shares) and len(found.shares) > 2
     assert found.shares[0] >= 0.0 and found.shares[-1] == 1.0
+    # No part of the work is so long without a share that the time left is anybody's guess.
+    assert np.diff(found.shares).max() < 0.25
 
 
 def test_the_answer_is_the_same_each_time(few: None, worlds: list[World]) -> None:

@@ -337,6 +337,19 @@ def test_searches_of_next_to_nothing_end() -> None:
         _core.search_poses([frame], density, [(np.eye(3), np.zeros(2))], 10, [3, 2, 1])
 
 
+def test_what_progress_raises_ends_a_search() -> None:
+    frame, density = frame_of(ratios_of(4, HEIGHT, WIDTH)), _core.Density.of_prior(KNOWN.core)
+    shares: list[float] = []
+
+    def unwanted(share: float) -> None:
+        shares.append(share)
+        raise RuntimeError("no more")
+
+    with pytest.raises(RuntimeError, match="no more"):
+        _core.search_poses([frame], density, [], 10_000_000, [2_000, 400, 64], progress=unwanted)
+    assert len(shares) == 1 and 0.0 <= shares[0] < 0.5
+
+
 def test_spreads_go_from_wide_to_narrow() -> None:
     spreads = _core.edge_spreads()
     assert len(spreads) == 4 and list(spreads) == sorted(spreads, reverse=True)

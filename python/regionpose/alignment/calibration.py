@@ -35,6 +35,10 @@ NEAR_SIGMA_M = 0.5
 of both on one vehicle's roof or one tripod."""
 
 
+SEARCHED, FOCAL_TRIED = 0.75, 0.95
+"""Shares of the time after which maxima are found, and other focal lengths tried: of street frames."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Calibration(KeptArrays):
     """A pose by photos and clouds, and by regions where there are some, and what it was found by.
@@ -183,7 +187,7 @@ def calibrate_with(
     by_regions = None if regions is None else regions.estimate
     known, assumed, origin = _assumed(prior, sensor_origin, by_regions)
     edges, report = [EdgeFrame(frame, origin) for frame in frames], progress or (lambda share: None)
-    search = part(progress, 0.0, 0.7)
+    search = part(progress, 0.0, SEARCHED)
     if by_regions is None:
         explained = explained_by_edges(edges, known, search)
     else:
@@ -198,8 +202,8 @@ def calibrate_with(
     by_focal = ByFocal.of(
         edges, best, known, None if regions is None else without_calibration(regions.estimate, solver)
     )
-    focal = None if by_focal is None else focal_evidence(by_focal, best)
-    report(0.9)
+    focal = None if by_focal is None else focal_evidence(by_focal, best, part(progress, SEARCHED, FOCAL_TRIED))
+    report(FOCAL_TRIED)
     judgement = Judgement(edges, places, explained.none, focal, solver)
     if regions is None or by_regions is None:
         estimate = judgement.by_edges()

@@ -21,6 +21,7 @@ from regionpose.estimation.answer import PoseEstimate
 from regionpose.estimation.prior import Prior
 from regionpose.estimation.warning import PoseWarning
 from regionpose.pose import Pose
+from regionpose.progress import Progress, part, told_each
 
 Array = NDArray[np.float64]
 
@@ -128,21 +129,22 @@ class ByFocal:
         return np.zeros(6) if isinstance(self.about, Prior) else np.nan_to_num(self.about.focal_shift)
 
 
-def focal_evidence(by_focal: ByFocal, best: Hypothesis) -> FocalEvidence:
+def focal_evidence(by_focal: ByFocal, best: Hypothesis, progress: Progress | None = None) -> FocalEvidence:
     """What the edges say of the focal lengths of the camera of all frames."""
     cores = by_focal.seen_from(best.pose)
     shift = _derivative(by_focal, cores, best)
     way, given = np.nan_to_num(shift), _gain(by_focal.maxima(cores, 0.0, best.pose))
 
     found: dict[float, list[EdgeMode]] = {}
-    for numbers in GROUPS:
+    for numbers, _ in told_each(GROUPS, part(progress, 0.0, 0.6)):
         # Longer focal lengths move the camera, which then sees other edges.
         middle = best.pose.moved(float(np.mean(numbers)) * STEPS[0] * way)
         there = by_focal.seen_from(middle)
         for step in (number * STEPS[0] for number in numbers):
             found[step] = by_focal.maxima(there, step, best.pose.moved(step * way), 2)
     gains: dict[float, float] = {}
-    for step in sorted(found, key=lambda step: _gain(found[step]), reverse=True)[:CLOSER]:
+    likeliest = sorted(found, key=lambda step: _gain(found[step]), reverse=True)[:CLOSER]
+    for step, _ in told_each(likeliest, part(progress, 0.6, 1.0)):
         gains |= {each: gain - given for each, gain in _closer(by_focal, step, found[step]).items()}
     factor = max(gains, key=lambda step: gains[step], default=0.0)
     count = len(found) * STEPS[0] / STEPS[2]

@@ -21,7 +21,12 @@ struct Raised(Arc<Mutex<Option<PyErr>>>);
 impl Raised {
     /// Runs the handlers of signals that came, which only the main thread does; whether one raised.
     fn look(&self) -> bool {
-        let Err(error) = Python::attach(|py| py.check_signals()) else { return false };
+        self.look_at(&|_| Ok(()))
+    }
+
+    /// Runs the handlers of signals, and what else is to be run meanwhile; whether one raised.
+    fn look_at(&self, watch: &impl Fn(Python<'_>) -> PyResult<()>) -> bool {
+        let Err(error) = Python::attach(|py| py.check_signals().and_then(|()| watch(py))) else { return false };
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
         true
     }
@@ -46,6 +51,15 @@ pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyR
 
 /// Work on other threads, without the interpreter; it is handed what tells them that nobody waits any more.
 pub fn detached_threads<T: Send>(py: Python<'_>, work: impl FnOnce(&Stop) -> T + Send) -> PyResult<T> {
+    watched_threads(py, |_| Ok(()), work)
+}
+
+/// The same, `watch` being run on the calling thread a hundred times a second until it fails, which ends the work.
+pub fn watched_threads<T: Send>(
+    py: Python<'_>,
+    watch: impl Fn(Python<'_>) -> PyResult<()> + Sync,
+    work: impl FnOnce(&Stop) -> T + Send,
+) -> PyResult<T> {
     let (raised, stopped) = (Raised::default(), Arc::new(AtomicBool::new(false)));
     let stop: Stop = {
         let stopped = stopped.clone();
@@ -60,7 +74,7 @@ pub fn detached_threads<T: Send>(py: Python<'_>, work: impl FnOnce(&Stop) -> T +
                 work(&stop)
             });
             while ended.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
-                if !stopped.load(Ordering::Relaxed) && raised.look() {
+                if !stopped.load(Ordering::Relaxed) && raised.look_at(&watch) {
                     stopped.store(true, Ordering::Relaxed);
                 }
             }

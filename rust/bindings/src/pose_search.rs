@@ -12,12 +12,12 @@ use regionpose::alignment::frame::{FINEST, Frame, PhotoView, SPREADS, SPREADS_PX
 use regionpose::alignment::pictures::LogRatios;
 use regionpose::alignment::posterior::Mode;
 use regionpose::alignment::projection;
-use regionpose::alignment::search::{self, SearchOptions};
+use regionpose::alignment::search::{self, SearchOptions, SearchProgress};
 use regionpose::effort;
 use regionpose::error::Error;
 
 use crate::arrays::{array, covariance, matrix, points, pose, rotation, translation, value_error, vector};
-use crate::interrupts::detached_threads;
+use crate::interrupts::watched_threads;
 use crate::prior::Prior;
 
 /// The projection of a camera as a table over a cube of bearings.
@@ -211,9 +211,11 @@ type ModeArrays<'py> =
 /// The maxima of the posterior of the pose that frames share, of the largest mass first.
 ///
 /// `starts`: poses to look about beside `draws` drawn ones. `kept`: how many of the best by each spread but the finest are led
-/// on to the next one. `threads`: all cores for None.
+/// on to the next one. `threads`: all cores for None. `progress`: called with the share of the work that is done; what it raises ends
+/// the search.
 #[pyfunction]
-#[pyo3(signature = (frames, density, starts, draws, kept, threads=None))]
+#[pyo3(signature = (frames, density, starts, draws, kept, threads=None, progress=None))]
+#[allow(clippy::too_many_arguments)]
 pub fn search_poses<'py>(
     py: Python<'py>,
     frames: Vec<PyRef<'py, AlignmentFrame>>,
@@ -222,13 +224,17 @@ pub fn search_poses<'py>(
     draws: usize,
     kept: [usize; FINEST],
     threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<ModeArrays<'py>>> {
     let frames: Vec<Frame> = frames.iter().map(|frame| frame.0.clone()).collect();
     let starts =
         starts.iter().map(|(rotation, translation)| pose(rotation, translation)).collect::<PyResult<Vec<_>>>()?;
     let options = SearchOptions { draws, kept, threads };
-    let found = detached_threads(py, |stop| {
-        effort::interruptible(stop.clone(), || search::search(&frames, &density.0, &starts, &options))
+    let done = SearchProgress::default();
+    let watch = |py: Python<'_>| progress.as_ref().map_or(Ok(()), |call| call.call1(py, (done.share(),)).map(drop));
+    let found = watched_threads(py, watch, |stop| {
+        let search = || search::search_with_progress(&frames, &density.0, &starts, &options, &done);
+        effort::interruptible(stop.clone(), search)
     })?;
     let found = found.ok_or_else(|| PyKeyboardInterrupt::new_err(()))?.map_err(value_error)?;
     let arrays = |mode: &Mode| {

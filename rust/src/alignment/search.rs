@@ -2,6 +2,7 @@
 //! (`docs/math.md`, section 19).
 
 use std::f64::consts::{PI, TAU};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use nalgebra::{Matrix6, Rotation3, Vector3};
 
@@ -29,6 +30,43 @@ impl Default for SearchOptions {
     }
 }
 
+/// How much of a search is done, for other threads to read.
+#[derive(Debug, Default)]
+pub struct SearchProgress {
+    done: AtomicU64,
+    all: AtomicU64,
+}
+
+impl SearchProgress {
+    /// The share that is done, from 0 to 1.
+    pub fn share(&self) -> f64 {
+        let all = self.all.load(Ordering::Relaxed);
+        if all == 0 { 0.0 } else { (self.done.load(Ordering::Relaxed) as f64 / all as f64).min(1.0) }
+    }
+
+    /// Takes in the work of the steps that begin, of so many poses each.
+    fn begin(&self, poses: [usize; STEPS]) {
+        let all = poses.iter().zip(WORK).map(|(count, work)| *count as u64 * work).sum();
+        self.all.store(all, Ordering::Relaxed);
+    }
+
+    /// Counts a pose of a step.
+    fn count(&self, step: usize) {
+        self.done.fetch_add(WORK[step], Ordering::Relaxed);
+    }
+
+    /// Counts poses of a step that there are fewer of than expected.
+    fn pass(&self, step: usize, poses: usize) {
+        self.done.fetch_add(WORK[step] * poses as u64, Ordering::Relaxed);
+    }
+}
+
+/// Steps of a search: draws, and maxima by each spread but the widest.
+const STEPS: usize = FINEST + 1;
+
+/// The work of a pose in each step, that of a draw being 1: measured on one and on three frames of 64 rings.
+const WORK: [u64; STEPS] = [1, 90, 190, 1400];
+
 /// Poses whose edges lie as far apart as this, in spreads, as a root mean square, lead to different maxima.
 const APART: f64 = 0.5;
 
@@ -52,6 +90,22 @@ const LEAD: f64 = 3.0;
 /// # Errors
 /// When threads cannot be started.
 pub fn search(frames: &[Frame], density: &PoseDensity, starts: &[Pose], options: &SearchOptions) -> Result<Vec<Mode>> {
+    search_with_progress(frames, density, starts, options, &SearchProgress::default())
+}
+
+/// [`search`], which counts in `progress` what is done.
+///
+/// # Errors
+/// When threads cannot be started.
+pub fn search_with_progress(
+    frames: &[Frame],
+    density: &PoseDensity,
+    starts: &[Pose],
+    options: &SearchOptions,
+    progress: &SearchProgress,
+) -> Result<Vec<Mode>> {
+    let expected = [options.draws, options.kept[0] + starts.len(), options.kept[1], options.kept[2]];
+    progress.begin(expected);
     let sampler = Sampler::new(density.clone());
     let nulls: Vec<Pose> = (0..NULLS).map(|number| base(&sampler, starts, options.draws, number)).collect();
     let numbers: Vec<usize> = (0..options.draws).collect();
@@ -61,26 +115,32 @@ pub fn search(frames: &[Frame], density: &PoseDensity, starts: &[Pose], options:
         Posterior { frames, weights: leads(&Sums::at(frames, &turned(&nulls), 0, threads)?), spread: 0, density };
     let mut drawn = mapped(&numbers, threads, |number| {
         let pose = drawn(&sampler, *number);
+        progress.count(0);
         (pose, posterior.log_density(&pose))
     })?;
     drawn.sort_by(|a, b| b.1.total_cmp(&a.1));
     let mut held: Vec<Pose> =
         starts.iter().copied().chain(drawn.into_iter().map(|(pose, _)| pose).take(options.kept[0])).collect();
     for spread in 1..FINEST {
+        progress.pass(spread, expected[spread].saturating_sub(held.len()));
         let weights = leads(&Sums::at(frames, &turned(&nulls), spread, threads)?);
         let posterior = Posterior { frames, weights, spread, density };
         // How much a sum tells depends on where one looks, so they are ranked by null poses about each.
         let led = mapped(&held, threads, |pose| {
             let (pose, _) = posterior.maximum(pose);
+            progress.count(spread);
             let weights = leads(&Sums::here(frames, &turned(&[pose; RANKING_NULLS]), spread));
             (pose, Posterior { weights, ..posterior.clone() }.log_density(&pose))
         })?;
         held = distinct(&posterior, led, options.kept[spread], threads)?;
     }
+    progress.pass(FINEST, expected[FINEST].saturating_sub(held.len()));
     let found = mapped(&held, threads, |pose| {
         let weights = shares(&Sums::here(frames, &turned(&[*pose; LOCAL_NULLS]), FINEST));
         let posterior = Posterior { frames, weights, spread: FINEST, density };
-        posterior.mode(&posterior.maximum(pose).0)
+        let mode = posterior.mode(&posterior.maximum(pose).0);
+        progress.count(FINEST);
+        mode
     })?;
     let modes: Vec<Mode> = found.into_iter().flatten().collect();
     let led = modes.iter().map(|mode| (mode.pose, mode.log_mass)).collect();

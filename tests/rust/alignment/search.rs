@@ -12,7 +12,7 @@ use regionpose::alignment::frame::{FINEST, Frame, PhotoView, SPREADS, SPREADS_PX
 use regionpose::alignment::pictures::{DIRECTIONS, LogRatios};
 use regionpose::alignment::posterior::{Mode, Posterior, Weight};
 use regionpose::alignment::projection::Projection;
-use regionpose::alignment::search::{SearchOptions, search};
+use regionpose::alignment::search::{SearchOptions, SearchProgress, search, search_with_progress};
 use regionpose::geometry::pose::Tangent;
 use regionpose::{Error, Pose, Prior, effort};
 
@@ -281,6 +281,16 @@ fn the_answer_is_the_same_on_any_number_of_threads() {
             .collect::<Vec<_>>()
     };
     assert_eq!(of(1), of(2));
+}
+
+#[test]
+fn all_of_the_work_is_counted_however_little_is_left_to_do() {
+    for (draws, starts) in [(300, vec![]), (0, vec![truth(), truth()]), (0, vec![])] {
+        let (options, progress) = (SearchOptions { draws, kept: [20, 10, 5], ..OPTIONS }, SearchProgress::default());
+        assert!(progress.share() < 1e-12);
+        search_with_progress(&FRAMES[..1], &known(), &starts, &options, &progress).unwrap();
+        assert!((progress.share() - 1.0).abs() < 1e-12, "{}", progress.share());
+    }
 }
 
 /// Asked at a third of the questions of a whole search, it has done less than half of its work.
