@@ -15,7 +15,10 @@ from typing import ClassVar, NamedTuple
 
 import pytest
 import waiting
+from made_up_worlds import made_world
+from PIL import Image
 from regionpose.cli.bars import BYTES, ITEMS, SHARE, StageLine
+from regionpose.clouds import Cloud, write_ply
 from rich.console import Console
 from scene_files import scene_values, write_scene
 from waiting import write_waiting_scene
@@ -203,6 +206,19 @@ def test_a_study_shows_its_rate_and_leaves_nothing(tmp_path: Path) -> None:
     assert seen.code == 0 and "written:" in seen.output
     assert any(re.search(r"perspective .*\d+/\d+ +[\d.]+(/s| s each)", line) for line in seen.lines)
     assert remains(seen.terminal) == " at 0, 0"
+
+
+def test_a_search_shows_the_time_that_is_left(tmp_path: Path) -> None:
+    world = made_world(5)
+    Image.fromarray(world.photo).save(tmp_path / "photo.png")
+    write_ply(tmp_path / "scan.ply", Cloud.from_points(world.points, intensity=world.intensity))
+    (tmp_path / "cameras.txt").write_text("1 PINHOLE 480 320 260 260 240 160\n", encoding="ascii")
+    words = ("--camera", tmp_path / "cameras.txt", "--up", "z", "--mount", "front", "--json")
+    seen = at_terminal("calibrate", tmp_path / "photo.png", tmp_path / "scan.ply", *words)
+    assert seen.code in (0, 3) and remains(seen.terminal) == " at 0, 0"
+    bars = [re.search(r"pose [━╸╺]+ +(\d+)% \d:\d\d:\d\d \d:\d\d:(\d\d) left", line) for line in seen.lines]
+    shown = {int(bar[1]): int(bar[2]) for bar in bars if bar}
+    assert len(shown) > 10
 
 
 class Clock:
