@@ -46,7 +46,7 @@ def calibrate(
         Path | None,
         typer.Option(
             "--camera",
-            help=f"{CAMERA_HELP}  [default: that of the pairs' scene files, or of the bag]",
+            help=f"{CAMERA_HELP}  [default: that of the pairs' scene files, calib.yaml in the folder, or the bag's]",
             show_default=False,
         ),
     ] = None,

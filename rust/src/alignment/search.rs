@@ -106,6 +106,7 @@ pub fn search_with_progress(
 ) -> Result<Vec<Mode>> {
     let expected = [options.draws, options.kept[0] + starts.len(), options.kept[1], options.kept[2]];
     progress.begin(expected);
+    let pass_missing = |step: usize, poses: usize| progress.pass(step, expected[step].saturating_sub(poses));
     let sampler = Sampler::new(density.clone());
     let nulls: Vec<Pose> = (0..NULLS).map(|number| base(&sampler, starts, options.draws, number)).collect();
     let numbers: Vec<usize> = (0..options.draws).collect();
@@ -122,7 +123,7 @@ pub fn search_with_progress(
     let mut held: Vec<Pose> =
         starts.iter().copied().chain(drawn.into_iter().map(|(pose, _)| pose).take(options.kept[0])).collect();
     for spread in 1..FINEST {
-        progress.pass(spread, expected[spread].saturating_sub(held.len()));
+        pass_missing(spread, held.len());
         let weights = leads(&Sums::at(frames, &turned(&nulls), spread, threads)?);
         let posterior = Posterior { frames, weights, spread, density };
         // How much a sum tells depends on where one looks, so they are ranked by null poses about each.
@@ -134,7 +135,7 @@ pub fn search_with_progress(
         })?;
         held = distinct(&posterior, led, options.kept[spread], threads)?;
     }
-    progress.pass(FINEST, expected[FINEST].saturating_sub(held.len()));
+    pass_missing(FINEST, held.len());
     let found = mapped(&held, threads, |pose| {
         let weights = shares(&Sums::here(frames, &turned(&[*pose; LOCAL_NULLS]), FINEST));
         let posterior = Posterior { frames, weights, spread: FINEST, density };
