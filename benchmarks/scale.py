@@ -167,7 +167,9 @@ class Loaded:
         """The picking page's pictures of photo and cloud, once their files are read."""
         given = self.inputs
         path = given.scene.with_name("picked.yaml")
-        return Desk(Session.create(path, image=given.image, camera=given.camera, cloud=given.cloud))
+        # Without the estimate, which would begin beside what is measured.
+        solver = {"witness": False}
+        return Desk(Session.create(path, image=given.image, camera=given.camera, cloud=given.cloud, solver=solver))
 
     def solid_click(self) -> Callable[[], object]:
         """What finds the point that the first click in the picking page's 3D view meets."""

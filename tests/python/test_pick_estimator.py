@@ -91,21 +91,21 @@ def test_the_cloud_is_drawn_over_the_photo_at_the_current_pose(session: Session,
     desk = Desk(session)
     try:
         assert settled(desk, "regions")
-        assert desk.photo_file == "files/photo.jpg" and "depth.jpg" not in desk.files
+        assert desk.depth_files == [] and "depth.jpg" not in desk.files
         desk.show_depth(True)
         first, run = desk.files["depth.jpg"], desk.outcome.run
-        assert run is not None and desk.photo_file.startswith("files/depth.jpg")
+        assert run is not None and desk.depth_files[0].startswith("files/depth.jpg")
         shown = np.asarray(Image.open(io.BytesIO(first.content)).convert("RGB"), dtype=np.float64)
         pixels, depths = project_points(desk.cloud.local_points, run.camera, run.local_pose, shown.shape[:2])
         seen = np.flatnonzero(np.isfinite(depths) & (depths > 0.0))[::50]
         drawn = shown[tuple(np.round(pixels[seen][:, ::-1]).astype(int).T)]
         assert np.ptp(drawn, axis=1).mean() > 40.0, "the dots are colored, the photo below them is gray"
-        before = desk.photo_file
+        before = desk.depth_files
         moved = replace(run, estimate=replace(run.estimate, pose=run.estimate.pose.moved(np.full(6, 0.05))))
         desk._show(replace(desk.outcome, run=moved))
-        assert desk.photo_file != before and desk.files["depth.jpg"].content != first.content
+        assert desk.depth_files != before and desk.files["depth.jpg"].content != first.content
         desk.show_depth(False)
-        assert desk.photo_file == "files/photo.jpg"
+        assert desk.depth_files == []
     finally:
         desk.close()
 

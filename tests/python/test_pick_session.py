@@ -189,8 +189,9 @@ def test_a_missing_folder_is_not_called_a_missing_image(tmp_path: Path) -> None:
     assert str(raised.value).startswith(f"{tmp_path / 'nowhere'}: ") and "image" not in str(raised.value)
 
 
-def test_nothing_is_saved_of_an_empty_list(session: Session) -> None:
-    with pytest.raises(ValueError, match="no pair"):
+def test_nothing_is_saved_that_gives_no_pose(session: Session) -> None:
+    session.base["solver"] = {"witness": False}
+    with pytest.raises(ValueError, match="found no region"):
         session.save()
     assert not session.path.exists()
 

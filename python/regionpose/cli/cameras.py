@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import typer
 
 from regionpose.cli.console import Progress, one_line, say_json, say_remarks
-from regionpose.cli.estimate import DOUBTED, WARNED, Outcome, exit_code, scene_outcome, vector_text
+from regionpose.cli.estimate import DOUBTED, WARNED, Outcome, exit_code, scene_outcome
 from regionpose.outputs import refuse_existing, text_writer
 
 if TYPE_CHECKING:

@@ -133,6 +133,7 @@ def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> Non
 
 def _say_pose(run: SceneEstimate) -> None:
     from regionpose.scene.fit import scene_fit
+    from regionpose.scene.searched import vector_text
 
     estimate, fit = run.estimate, scene_fit(run)
     quaternion = ", ".join(f"{value:.9f}" for value in estimate.pose.rotation.as_quat(canonical=True))
@@ -209,36 +210,21 @@ def _frame_fit(frame: dict[str, Any]) -> str:
 
 
 def _say_search(result: dict[str, Any]) -> None:
-    """What was searched for a pose by edges, and how far it leads."""
+    """What was searched for a pose by edges alone, and how far the pose leads."""
     found = result["edge_search"]
     if found is None:
         return
-    prior, assumed = found["prior"], found["assumed"]
-    initial, sigma_m = prior["initial_camera_from_world"], prior["camera_near_sigma_m"]
-    place = prior["camera_near_m"]
-    if place is None:
-        sigma_m, place = prior["initial_center_sigma_m"], _center(initial)
-    near = f"within {sigma_m:g} m (1 sigma) of {vector_text(place, 2)} m"
-    turns = "every rotation"
-    if prior["initial_rotation_sigma_deg"] is not None:
-        turns = f"rotations within {prior['initial_rotation_sigma_deg']:g} deg (1 sigma) of the initial one"
-    elif prior["up"] is not None:
-        sigma = prior["up_sigma_deg"] or 15.0
-        turns = f"every heading, {vector_text(prior['up'], 1)} being up to {sigma:g} deg (1 sigma)"
-    typer.echo(f"searched: {near}{' (assumed)' * bool(assumed)}; {turns}")
-    lead = found["log_odds_over_next"]
-    others = "no other pose" if lead is None else f"e^{lead:.1f} over the likeliest other pose"
-    typer.echo(f"{found['edges']} edges; odds e^{found['log_odds']:.1f} over chance, {others}")
+    from regionpose.scene.searched import odds_text, searched_text
 
-
-def _center(pose: dict[str, Any]) -> list[float]:
-    """Where a camera stands, meters, of a pose in a result."""
-    matrix = pose["matrix"]
-    return [-sum(matrix[row][axis] * matrix[row][3] for row in range(3)) for axis in range(3)]
+    if found["regions"] is None:
+        typer.echo(f"searched: {searched_text(found)}")
+    typer.echo(odds_text(found))
 
 
 def _say_known(result: dict[str, Any]) -> None:
     """Where the scanner stood, and what was made of it."""
+    from regionpose.scene.searched import vector_text
+
     scanner, near = result["sensor_origin"], result["camera_near"]
     if scanner is not None:
         typer.echo(f"scanner at {vector_text(scanner['place_in_world_m'], 3)} m, by {scanner['said_by']}")
@@ -253,12 +239,3 @@ def _say_truth(result: dict[str, Any]) -> None:
     if isinstance(errors, dict):
         turn, shift = angle_text(errors["rotation_deg"]), length_text(errors["camera_center_m"])
         typer.echo(f"error against the truth: {turn}, {shift} (camera center)")
-
-
-def vector_text(values: object, digits: int) -> str:
-    """Numbers with so many digits after the point."""
-    import numpy as np
-
-    # Without the sign of what is rounded to nothing.
-    rounded = np.round(np.asarray(values, dtype=np.float64), digits) + 0.0
-    return "[" + ", ".join(f"{value:.{digits}f}" for value in rounded) + "]"

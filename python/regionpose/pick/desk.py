@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from regionpose.clouds import Cloud
+from regionpose.pick.depth_overlays import depth_overlay, overlay_poses
 from regionpose.pick.estimator import Estimator
 from regionpose.pick.outcome import Outcome, rounded
 from regionpose.pick.parts import Picked
@@ -24,7 +25,6 @@ from regionpose.pick.session import Session
 from regionpose.pick.sketch import Sketch
 from regionpose.pick.solid_view import RayIndex, point_buffer, sample_indices
 from regionpose.pictures.colors import colored_cloud
-from regionpose.pictures.overlays import overlay_depth
 
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
@@ -61,30 +61,35 @@ class Desk:
         `cloud`: the points that either picture of the cloud shows.
         """
         self.revision = self.pictured = 0
-        self.shows_depth = False
+        # Without a region in sight, it is by the cloud over the photo that one sees whether a pose is right.
+        self.shows_depth = session.searches_edges
         self.files: dict[str, Served] = {}
         self._lock = threading.RLock()
         self._look_at(session)
         self._estimator = Estimator(self._lock, self._snapshot, self._show)
-        if session.can_estimate:
-            self._estimator.begin()
+        self._begin()
 
     def turn_to(self, session: Session) -> None:
         """Show another session, as of the next frame of a rig, in the place of this one."""
         with self._lock:
             self._estimator.abandon()
-            self.files.pop("depth.jpg", None)
             self._look_at(session)
             self.revision += 1
-            if session.can_estimate:
-                self.outcome = Outcome("busy")
-                self._estimator.begin()
+            self._begin()
+
+    def _begin(self) -> None:
+        """Estimate the session's pose, of which nothing is known yet; none where nothing gives one."""
+        session = self.session
+        self.outcome = Outcome("busy", searches_edges=session.searches_edges) if session.has_estimate else Outcome()
+        # Also where there is nothing to be estimated: nobody waits for what runs.
+        self._estimator.begin()
 
     def _look_at(self, session: Session) -> None:
         """Show a session whose pose is not known yet."""
         self.session = session
         self.outcome = Outcome()
         self.coloring = "depth"
+        self._overlays: tuple[str, ...] = ()
         self._rays: RayIndex | None = None
         self.proposal = proposed_scanner(session.cloud) if session.asks_for_scanner else None
         self._look()
@@ -113,7 +118,7 @@ class Desk:
         """The ways to color the cloud that there are now, and what the page calls them."""
         cloud = self.cloud
         there = {"depth": True, "intensity": cloud.intensity is not None, "own": cloud.colors is not None}
-        there["photo"] = self.outcome.is_of_regions
+        there["photo"] = self.outcome.is_current
         return {key: title for key, title in COLORINGS.items() if there[key]}
 
     def edit(self, action: Callable[[Session], object]) -> None:
@@ -129,8 +134,12 @@ class Desk:
         before, looked = sketch.regions, sketch.scan is not self.session.scan
         # First of all: no page may show the pose of other regions as that of these.
         if looked or not is_solved:
-            self.outcome = replace(self.outcome, state="busy") if self.session.can_estimate else Outcome()
-            self._estimator.begin()
+            searches = self.session.searches_edges
+            if self.session.can_estimate or (searches and self.outcome.searches_edges):
+                self.outcome = replace(self.outcome, state="busy", searches_edges=searches)
+                self._estimator.begin()
+            else:
+                self._begin()
         self.revision += 1
         if looked:
             self._look()
@@ -187,10 +196,12 @@ class Desk:
             self.revision += 1
 
     @property
-    def photo_file(self) -> str:
-        """The file of the photo as it is shown: with the cloud over it where that is wanted and there is a pose."""
-        drawn = self.shows_depth and "depth.jpg" in self.files
-        return f"files/depth.jpg?{self.pictured}" if drawn else "files/photo.jpg"
+    def depth_files(self) -> list[str]:
+        """The pictures of the cloud over the photo: at the pose, and at the next likeliest one unless the pose is
+        trusted; none where they are not wanted, or there is no pose.
+        """
+        shown = self._overlays if self.shows_depth and self.outcome.run is not None else ()
+        return [f"files/{name}?{self.pictured}" for name in shown]
 
     def photo_shapes(self) -> list[dict[str, Any]]:
         """The regions' outlines in the photo, for the page."""
@@ -243,18 +254,15 @@ class Desk:
         self.files["colors.bin"] = Served(colors[self._sample].tobytes(), "application/octet-stream")
 
     def _serve_depth(self) -> None:
-        """The photo with the points that either picture of the cloud shows, by the last pose; none without a pose."""
-        run = self.outcome.run
+        """The photo with the points that either picture of the cloud shows, at the last poses; none without a pose."""
+        session, poses = self.session, overlay_poses(self.outcome)
+        for name, pose in poses.items():
+            picture = Image.fromarray(depth_overlay(session.image, session.camera, self.cloud, pose))
+            picture.thumbnail((LARGEST_SIDE, LARGEST_SIDE), Image.Resampling.LANCZOS)
+            self.files[name] = Served(_encoded(picture, "JPEG"), "image/jpeg")
+        # Last: a page that looks in between would keep what it finds.
+        self._overlays = tuple(poses)
         self.pictured += 1
-        if run is None:
-            self.files.pop("depth.jpg", None)
-            return
-        image = run.sides.image
-        drawn = overlay_depth(image, run.camera, run.local_pose, self.cloud.local_points)
-        # Without the strip beside it, which has the scale: pixels stay where they are.
-        picture = Image.fromarray(np.ascontiguousarray(drawn[:, : image.shape[1]]))
-        picture.thumbnail((LARGEST_SIDE, LARGEST_SIDE), Image.Resampling.LANCZOS)
-        self.files["depth.jpg"] = Served(_encoded(picture, "JPEG"), "image/jpeg")
 
     def _marked(self, colors: Bytes) -> Bytes:
         marked = colors.copy()
@@ -280,7 +288,8 @@ class Desk:
         run = self.outcome.run
         if run is None:
             return self._colors_of("depth")
-        cloud, visible = colored_cloud(self.cloud, [(run.sides.image, run.sides.camera, run.estimate.pose)])
+        session = self.session
+        cloud, visible = colored_cloud(self.cloud, [(session.image, session.camera, run.estimate.pose)])
         dark = np.round(UNSEEN_LIGHT * self._colors_of("depth")).astype(np.uint8)
         return dark if cloud.colors is None else np.where(visible[:, None], cloud.colors, dark).astype(np.uint8)
 
@@ -306,13 +315,14 @@ class Desk:
         with self._lock:
             if self._estimator.abandon():
                 stopped = replace(self.outcome, state="stopped")
-                self.outcome = stopped if self.outcome.state == "regions" else Outcome("stopped")
+                none = Outcome("stopped", searches_edges=self.session.searches_edges)
+                self.outcome = stopped if self.outcome.state == "regions" else none
                 self.revision += 1
 
     def estimate_again(self) -> None:
         """Estimate what was stopped."""
         with self._lock:
-            if self.session.can_estimate:
+            if self.session.has_estimate:
                 self.outcome = replace(self.outcome, state="busy")
                 self.revision += 1
                 self._estimator.begin()
@@ -378,5 +388,6 @@ def _split(line: Array) -> Array:
 
 def _encoded(picture: Image.Image, form: str) -> bytes:
     held = io.BytesIO()
-    picture.save(held, format=form, quality=90)
+    # Dots of a pixel keep their color.
+    picture.save(held, format=form, quality=90, subsampling=0)
     return held.getvalue()

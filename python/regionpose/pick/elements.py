@@ -16,7 +16,8 @@ class PictureView(Element, component="picture_view.js"):
     """A picture with outlines over it, for clicks, polygons and their vertices.
 
     Events: `pick` {x, y, again}, `polygon` {ring, hidden}, `rings` {key, rings, hidden}; pixels, an integer a pixel's
-    center. `choose` {key}: a click on a region's name.
+    center. `choose` {key}: a click on a region's name. `over`: a picture drawn over it with `opacity`, 0 to 1; none
+    where it is empty.
     """
 
     def __init__(self, size: tuple[int, int], *, least: float = 0.0) -> None:
@@ -26,6 +27,7 @@ class PictureView(Element, component="picture_view.js"):
         self._props.update(
             src="", width=width, height=height, shapes=[], projected=[], mode="click", loupe=True, busy="", least=least
         )
+        self._props.update(over="", opacity=1.0)
         self._props["show-projected"] = True
         self._props["show-outlines"] = True
 

@@ -7,14 +7,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from regionpose.cameras import Camera
+from regionpose.clouds import Cloud
 from regionpose.outputs import Writer, claimed, text_writer
-from regionpose.pick.scene_text import scene_of, scene_text
-from regionpose.pick.session import NO_PAIR, Session
-from regionpose.scene import SceneError, Stages, load_scene
+from regionpose.pick.edge_scene import bare_sides, without_regions
+from regionpose.pick.scene_text import check_scene, scene_text
+from regionpose.pick.session import Session
+from regionpose.scene import Scene, SceneError, SceneSides, Stages, load_scene
+from regionpose.scene.estimate import frame_label
 from regionpose.scene.folder import SHARED, folder_pairs
 from regionpose.scene.paths import moved, relative
+from regionpose.scene.sensors import Picture, read_sensors
 
 Plain = dict[str, Any]
+Sensors = tuple[Picture, Camera, Cloud | None]
 
 SCENE_FILE = "scene.yaml"
 """The scene file of a folder."""
@@ -23,7 +29,8 @@ SCENE_FILE = "scene.yaml"
 class Frames:
     """Sessions of photos and clouds with one pose, made when they are turned to.
 
-    `path`: the scene file that any of them saves, with all frames that have regions. `names`: the frames', in order.
+    `path`: the scene file that any of them saves, with all frames that have regions, or all where none has.
+    `names`: the frames', in order.
     `index`: of the one that is worked on. Not safe for several threads at once.
     """
 
@@ -33,6 +40,7 @@ class Frames:
             raise ValueError(f"{path}: found no frame; needed a photo with a cloud")
         self.path, self._shared, self._frames = path, shared, frames
         self._sessions: dict[int, FrameSession] = {}
+        self._sensors: dict[int, Sensors] = {}
         self.index = 0
 
     @classmethod
@@ -83,6 +91,7 @@ class Frames:
             session = FrameSession.of_values(self.path, {**self._shared, **own}, stages or Stages())
             session.frames = self
             self._sessions[index] = session
+            self._sensors[index] = (session.image, session.camera, session.cloud)
         before = self._sessions.get(self.index)
         if before is not None and before is not session:
             # What is known of the pose is known of all frames.
@@ -98,11 +107,39 @@ class Frames:
         return any(session.is_own_changed for session in self._sessions.values())
 
     def values(self) -> Plain:
-        """The scene file as plain values: all frames with regions, as they are or were read."""
+        """The scene file as plain values: all frames with regions, as they are or were read; where none has a pair,
+        all frames with a cloud.
+        """
+        frames = [self._values(index) for index in range(len(self))]
+        paired = [one for one in frames if _has_pair(one)]
+        return self._of_rig | {"frames": paired or [one for one in frames if one.get("cloud")]}
+
+    @property
+    def _of_rig(self) -> Plain:
+        """What the scene file says of all frames."""
         current = self._sessions.get(self.index)
         base = self._shared if current is None else current.base
-        frames = [self._values(index) for index in range(len(self))]
-        return {key: base[key] for key in SHARED if key in base} | {"frames": [one for one in frames if _has_pair(one)]}
+        return {key: base[key] for key in SHARED if key in base}
+
+    def edge_values(self) -> Plain:
+        """The scene of all frames with a cloud, without regions, as plain values."""
+        frames = [without_regions(self._values(index)) for index in range(len(self))]
+        return self._of_rig | {"frames": [one for one in frames if one.get("cloud")]}
+
+    def edge_sides(self, scene: Scene, stages: Stages) -> list[SceneSides]:
+        """Photo and cloud of each frame of a scene as of `edge_values`, read where they were not before; SceneError
+        for files that cannot be used.
+        """
+        found: list[SceneSides] = []
+        for number, frame in enumerate(scene.frames):
+            index = self.names.index(frame.name)
+            if index not in self._sensors:
+                with stages.within(frame_label(frame, number, len(scene.frames))):
+                    self._sensors[index] = read_sensors(frame, stages)
+            image, camera, cloud = self._sensors[index]
+            assert cloud is not None
+            found.append(bare_sides(frame, image, camera, cloud, found[0].origin if found else None))
+        return found
 
     def _values(self, index: int) -> Plain:
         held = self._frames[index]
@@ -114,12 +151,11 @@ class Frames:
 
     def save(self) -> list[Path]:
         """Write the scene file of all frames, with the masks and points of those that were looked at, whole or not at
-        all; their paths, the scene file last.
+        all; their paths, the scene file last. SceneError, a ValueError, for regions of one side alone, of which no
+        frame has a pair.
         """
         values = self.values()
-        if not values["frames"]:
-            raise ValueError(NO_PAIR)
-        scene_of(self.path, values)
+        check_scene(self.path, values)
         writers: dict[str, Writer] = {}
         for session in self._sessions.values():
             writers |= session.part_writers()
@@ -145,6 +181,13 @@ class FrameSession(Session):
     def is_changed(self) -> bool:
         """Whether any frame has something to save."""
         return self.frames.is_changed
+
+    def edge_values(self) -> dict[str, Any]:
+        """The scene of the pose by edges as plain values, as of `Frames.edge_values`."""
+        return self.frames.edge_values()
+
+    def _edge_sides(self, scene: Scene, stages: Stages) -> list[SceneSides]:
+        return self.frames.edge_sides(scene, stages)
 
     def save(self) -> list[Path]:
         """Save all frames; errors and paths as of `Frames.save`."""

@@ -1,4 +1,4 @@
-"""What the page says of the pose that the regions give so far."""
+"""What the page says of the pose that edges or the regions give so far."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ Lines = list[list[list[float]]]
 class Outcome:
     """The last estimate, or why there is none.
 
-    `state`: "empty" without a pair; "busy", `run` being that of earlier regions, if any; "regions", `run` being by the
-    regions alone and edges being looked at; "stopped", nobody having waited for that; "ready" or "failed".
+    `state`: "empty" without anything that a pose comes from; "busy", `run` being that of earlier regions, if any;
+    "regions", `run` being by the regions alone and edges being looked at; "stopped", nobody having waited
+    for that; "ready" or "failed". `searches_edges`: whether the pose comes, or is to come, from edges without regions.
     `message`: what went wrong. `run`: the estimate.
     `projected`: by the regions' keys, outlines in the photo as lines of pixels. `fits`: how each region fits, by key.
     """
@@ -31,10 +32,13 @@ class Outcome:
     judged: Verdict | None = None
     projected: dict[int, Lines] = field(default_factory=dict)
     fits: dict[int, Fit] = field(default_factory=dict)
+    searches_edges: bool = False
 
     @property
-    def is_of_regions(self) -> bool:
-        """Whether there is a pose of the regions as they are, by them alone or with the rest of the scene."""
+    def is_current(self) -> bool:
+        """Whether there is a pose of the session as it is: by its regions, alone or with the rest of the scene, or by
+        edges.
+        """
         return self.run is not None and self.state in ("regions", "stopped", "ready")
 
     @classmethod
@@ -44,7 +48,7 @@ class Outcome:
         lines = [projected_lines(sides.camera, pose, side.region) for side in sides.world_sides]
         projected = {key: [rounded(line) for line in held] for key, held in zip(keys, lines, strict=True)}
         fits = dict(zip(keys, region_fits(run), strict=True))
-        return cls(state, "", run, verdict(run), projected, fits)
+        return cls(state, "", run, verdict(run), projected, fits, run.calibration is not None)
 
 
 def rounded(line: NDArray[np.float64]) -> list[list[float]]:

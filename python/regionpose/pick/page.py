@@ -28,6 +28,12 @@ REFRESH_S = 0.12
 STRIP_SHARE = 0.45
 """Share of the view's height that the range image takes at least: that of a lidar is a long strip."""
 
+OPACITY = 0.7
+"""Of the cloud over the photo at first: both are seen."""
+
+POSES = ("Likeliest", "Runner-up")
+"""What the poses are called at which the cloud is drawn over the photo."""
+
 STYLE = (Path(__file__).parent / "page.css").read_text(encoding="utf-8")
 MODES = {"click": "Click", "polygon": "Polygon", "hide": "Hidden edges"}
 CLOUD_MODES = {"click": "Click", "cut": "Cut out"}
@@ -106,7 +112,7 @@ class Page:
                 self.modes = _toggle(MODES, "click", self._choose_mode)
                 ui.element("div").classes("rp-grow")
                 hint = "Draw the cloud by its distance at the pose (D)"
-                self.depth = _switch("Depth", hint, self._show_depth, on=False)
+                self.depth = _switch("Depth", hint, self._show_depth, on=self.desk.shows_depth).mark("depth")
                 self.outlines = _switch("Projected", "Show the outlines that the pose projects (O)", self._show_photo)
                 self.loupe = _switch("Loupe", "Show a loupe beside the pointer", self._show_photo)
             with ui.element("div").classes("rp-view"):
@@ -115,7 +121,18 @@ class Page:
                 self.photo.on("polygon", lambda e: self._drawn(e.args))
                 self.photo.on("rings", lambda e: self._moved(e.args))
                 self.photo.on("choose", lambda e: self._select(e.args))
+                self._depth_tools()
             self.photo_hint = ui.html("", sanitize=False).classes("rp-hint")
+
+    def _depth_tools(self) -> None:
+        """How the cloud over the photo is shown: how opaque, and at which pose."""
+        with ui.element("div").classes("rp-depth") as self.depth_tools:
+            ui.label("Opacity")
+            self.opacity = ui.slider(min=0.0, max=1.0, step=0.05, value=OPACITY, on_change=self._show_photo)
+            self.opacity.props("dense dark").mark("opacity")
+            options = dict(enumerate(POSES))
+            self.at = _toggle(options, 0, self._show_photo).mark("runner-up")
+            self.at.tooltip("Where the cloud is drawn: at the pose, or at the next likeliest one (R)")
 
     def _cloud(self) -> None:
         desk = self.desk
@@ -159,9 +176,9 @@ class Page:
                 self.prior = PriorDialog(self.desk, self._set_known)
                 self.stage = ui.label().classes("rp-stage").mark("stage")
                 self.stop = ui.button("Stop", icon="stop", on_click=self.desk.stop).props("flat dense no-caps")
-                self.stop.tooltip("Wait no longer: the pose of the regions alone stays (Esc)")
+                self.stop.tooltip("Wait no longer: a pose of the regions alone stays (Esc)")
                 self.again = ui.button("Estimate", icon="play_arrow", on_click=self.desk.estimate_again)
-                self.again.props("flat dense no-caps").tooltip("Ask the rest of photo and cloud")
+                self.again.props("flat dense no-caps").tooltip("Go on with what was stopped")
             with ui.element("div").classes("rp-scroll"):
                 self.verdict = ui.html("", sanitize=False).classes("rp-pose").mark("verdict")
 
@@ -179,11 +196,11 @@ class Page:
             return
         self.shown = stamp
         session = self.session
-        edited = " · not saved" if session.is_changed else ""
+        edited = " · not saved" if session.can_save else ""
         self.file.set_content(f"<b>{escape(session.path.name)}</b>{edited}")
         self.undo.set_enabled(session.can_undo)
         self.redo.set_enabled(session.can_redo)
-        self.save.set_enabled(session.is_changed)
+        self.save.set_enabled(session.can_save)
         self.scanner.show()
         self.prior.show()
         self.depth.set_value(self.desk.shows_depth)
@@ -195,10 +212,19 @@ class Page:
 
     def _show_photo(self) -> None:
         projected = self.desk.projected_shapes()
-        self.photo.show(src=self.desk.photo_file, shapes=self.desk.photo_shapes(), projected=projected, mode=self.mode)
+        self.photo.show(src="files/photo.jpg", shapes=self.desk.photo_shapes(), projected=projected, mode=self.mode)
+        self._show_over()
         self.photo.show(show_projected=self.outlines.value, loupe=self.loupe.value)
         self.range.show(loupe=self.loupe.value)
         self.photo_hint.set_content(photo_hint(self.selected, self.mode))
+
+    def _show_over(self) -> None:
+        """The cloud over the photo, where there is a pose."""
+        files = self.desk.depth_files
+        at = int(self.at.value or 0) if len(files) > 1 else 0
+        self.depth_tools.set_visibility(bool(files))
+        self.at.set_visibility(len(files) > 1)
+        self.photo.show(over=files[at] if files else "", opacity=float(self.opacity.value))
 
     def _show_cloud(self) -> None:
         stamp = f"?{self.desk.pictured}"
@@ -326,6 +352,8 @@ class Page:
             await self._turn(1 if key == "pagedown" else -1)
         elif key == "d":
             self.depth.set_value(not self.depth.value)
+        elif key == "r":
+            self.at.set_value(0 if self.at.value else 1)
         elif key == "o":
             self.outlines.set_value(not self.outlines.value)
         elif key == "n":
@@ -348,7 +376,7 @@ class Page:
             await self._choose(selected.key, "image", int(key) - 1)
 
 
-def _toggle(options: dict[str, str], value: str, action: Callable[[], Any]) -> ui.toggle:
+def _toggle(options: dict[Any, str], value: object, action: Callable[[], Any]) -> ui.toggle:
     toggle = ui.toggle(options, value=value, on_change=action)
     return toggle.props("dense unelevated no-caps size=12.5px color=grey-2 text-color=grey-8 toggle-color=blue-7")
 

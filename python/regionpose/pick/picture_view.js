@@ -7,7 +7,8 @@ export default {
   <div class="pv" ref="box" :class="'pv-' + mode" @wheel.prevent="wheel" @pointerdown="down" @pointermove="move"
        @pointerup="up" @pointerleave="leave" @dblclick.prevent="close" @contextmenu.prevent>
     <div class="pv-stage" :style="stage">
-      <img ref="img" :src="src" draggable="false" :class="{'pv-crisp': zoom > 4}" @load="loaded" alt="">
+      <img ref="img" class="pv-picture" :src="src" draggable="false" :class="{'pv-crisp': zoom > 4}" @load="loaded" alt="">
+      <img v-if="over" ref="over" class="pv-over" :src="over" draggable="false" :class="{'pv-crisp': zoom > 4}" :style="{opacity}" alt="">
       <svg :viewBox="'-0.5 -0.5 ' + width + ' ' + height" preserveAspectRatio="none">
         <g v-if="showOutlines">
           <path v-for="s in drawn" :key="'f' + s.key" :d="path(s.rings, true)" :fill="s.color" :fill-opacity="s.selected ? 0.24 : 0.13"
@@ -45,7 +46,7 @@ export default {
     <div v-if="busy" class="pv-busy"><span></span>{{ busy }}</div>
   </div>`,
   props: {src: String, width: Number, height: Number, shapes: Array, projected: Array, mode: String, loupe: Boolean,
-          showProjected: Boolean, showOutlines: Boolean, busy: String, least: Number},
+          showProjected: Boolean, showOutlines: Boolean, busy: String, least: Number, over: String, opacity: Number},
   data: () => ({zoom: 1, left: 0, top: 0, fit: 1, held: null, draft: [], covered: [], cursor: null, glass: false, glassLeft: false, edited: null, hover: null}),
   computed: {
     stage() {
@@ -240,7 +241,14 @@ export default {
       const g = canvas.getContext('2d'), f = img.naturalWidth / this.width, side = LOUPE / (POWER * Math.max(this.zoom, 1 / f));
       g.imageSmoothingEnabled = false;
       g.fillStyle = '#10141a'; g.fillRect(0, 0, LOUPE, LOUPE);
-      g.drawImage(img, (p[0] + 0.5 - side / 2) * f, (p[1] + 0.5 - side / 2) * f, side * f, side * f, 0, 0, LOUPE, LOUPE);
+      const part = [(p[0] + 0.5 - side / 2) * f, (p[1] + 0.5 - side / 2) * f, side * f, side * f, 0, 0, LOUPE, LOUPE];
+      g.drawImage(img, ...part);
+      const over = this.over && this.$refs.over;
+      if (over && over.naturalWidth) {
+        g.globalAlpha = this.opacity;
+        g.drawImage(over, ...part);
+        g.globalAlpha = 1;
+      }
       g.strokeStyle = '#fff'; g.lineWidth = 1; g.beginPath();
       g.moveTo(LOUPE / 2, LOUPE / 2 - 14); g.lineTo(LOUPE / 2, LOUPE / 2 - 4); g.moveTo(LOUPE / 2, LOUPE / 2 + 4); g.lineTo(LOUPE / 2, LOUPE / 2 + 14);
       g.moveTo(LOUPE / 2 - 14, LOUPE / 2); g.lineTo(LOUPE / 2 - 4, LOUPE / 2); g.moveTo(LOUPE / 2 + 4, LOUPE / 2); g.lineTo(LOUPE / 2 + 14, LOUPE / 2);

@@ -6,6 +6,7 @@ from collections.abc import Awaitable, Callable
 
 from nicegui import ui
 
+from regionpose.alignment.calibration import NEAR_SIGMA_M as EDGE_NEAR_SIGMA_M
 from regionpose.pick.desk import Desk
 from regionpose.pick.elements import complain
 from regionpose.pick.known import AHEAD_SIGMA_DEG, NEAR_SIGMA_M, Known, Triple
@@ -43,7 +44,8 @@ class PriorDialog:
     def _ask(self) -> None:
         known, scanner = self._desk.session.known, self._desk.session.scanner
         place = None if scanner is None else (float(scanner[0]), float(scanner[1]), float(scanner[2]))
-        self._near.set(known.near or place, known.near_sigma_m or NEAR_SIGMA_M)
+        usual_m = EDGE_NEAR_SIGMA_M if self._desk.session.searches_edges else NEAR_SIGMA_M
+        self._near.set(known.near or place, known.near_sigma_m or usual_m)
         self._anywhere.set_value(known.is_anywhere)
         self._ahead.set(known.ahead, known.ahead_sigma_deg or AHEAD_SIGMA_DEG)
         self._up.set(known.up, known.up_sigma_deg or 15.0)

@@ -11,7 +11,7 @@ from regionpose.pick.desk import Desk, color_of
 from regionpose.pick.elements import small_button
 from regionpose.pick.parts import Picked
 from regionpose.pick.session import Session
-from regionpose.pick.texts import EMPTY_LIST
+from regionpose.pick.texts import EDGES_ENOUGH, EMPTY_LIST
 from regionpose.scene.fit import Fit
 
 MASK_TO_POLYGON_PX = 1.0
@@ -66,7 +66,7 @@ class RegionList:
         self._rows = {}
         with self._box:
             if not regions:
-                ui.html(EMPTY_LIST, sanitize=False)
+                ui.html(EDGES_ENOUGH * self._desk.session.searches_edges + EMPTY_LIST, sanitize=False)
                 return
             with ui.element("div").classes("rp-row rp-rows-head"):
                 for title in ("", "Name", "Photo", "Cloud", "Fit", ""):

@@ -14,7 +14,9 @@ Answered = Callable[[list[float] | None], Awaitable[None]]
 
 
 class ScannerDialog:
-    """A button that says where the scanner stood, and the question behind it; asked at once where nobody has said."""
+    """A button that says where the scanner stood, and the question behind it: asked on its own where nobody has said,
+    before regions rest on it.
+    """
 
     def __init__(self, desk: Desk, answered: Answered) -> None:
         """Build the button and the dialog; `answered` is told the place, or None for scans of several places."""
@@ -29,15 +31,18 @@ class ScannerDialog:
                 ui.button("There", on_click=self._there).props("unelevated dense no-caps").mark("there")
                 ui.button("At several places", on_click=self._several).props("flat dense no-caps")
                 ui.button("I don't know", on_click=self._dialog.close).props("flat dense no-caps")
+        self._has_asked = False
         self.show()
-        if desk.session.asks_for_scanner:
-            self._ask()
 
     def show(self) -> None:
         """Say on the button what is known."""
         session = self._desk.session
         self._button.set_text(scanner_text(session.scanner, session.asks_for_scanner))
         self._button.props(f"color={'orange-9' if session.asks_for_scanner else 'grey-8'}")
+        # The pose by edges takes the cloud's zero, and says so.
+        if session.asks_for_scanner and not self._has_asked and (session.regions or not session.searches_edges):
+            self._has_asked = True
+            self._ask()
 
     def _ask(self) -> None:
         session = self._desk.session

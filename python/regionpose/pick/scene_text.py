@@ -13,6 +13,7 @@ from regionpose.pick.parts import ImagePart, Picked, WorldPart
 from regionpose.scene import Scene
 from regionpose.scene.document import Document
 from regionpose.scene.loading import model_of
+from regionpose.scene.loading import scene_of as checked_scene_of
 from regionpose.yaml_text import to_yaml
 
 HEADING = "# Written by `regionpose pick`; `regionpose estimate` on it gives the pose.\n"
@@ -22,6 +23,11 @@ def scene_of(path: Path, values: dict[str, Any]) -> Scene:
     """The scene that a file with these values would hold; SceneError where it would hold none."""
     document = Document(path, values, None)
     return Scene(document, model_of(document))
+
+
+def check_scene(path: Path, values: dict[str, Any]) -> None:
+    """Pass where a file with these values would be read again; SceneError that says what is missing otherwise."""
+    checked_scene_of(Document(path, values, None))
 
 
 def region_values(picked: Picked, path: Path) -> dict[str, Any]:
@@ -59,8 +65,9 @@ def _digest(content: bytes) -> str:
 
 
 def region_lists(regions: Sequence[Picked], path: Path) -> dict[str, Any]:
-    """The scene file's lists of regions: the pairs, and those of either side alone where there are any."""
-    lists: dict[str, Any] = {"regions": [region_values(picked, path) for picked in regions if picked.is_paired]}
+    """The scene file's lists of regions: the pairs, and those of either side alone, where there are any."""
+    pairs = [region_values(picked, path) for picked in regions if picked.is_paired]
+    lists: dict[str, Any] = {"regions": pairs} if pairs else {}
     for key, side in (("image_regions", "image"), ("world_regions", "world")):
         alone = [picked for picked in regions if not picked.is_paired and getattr(picked, side) is not None]
         if alone:

@@ -15,14 +15,15 @@ from PIL import Image
 from regionpose.cameras import Camera
 from regionpose.clouds import Cloud
 from regionpose.outputs import Writer, claimed, text_writer
+from regionpose.pick.edge_scene import bare_sides, compares_edges, without_regions
 from regionpose.pick.known import Known
 from regionpose.pick.parts import Choices, ImagePart, Levels, Picked, WorldPart, only
 from regionpose.pick.proposals import mask_choices, picked_points, picked_world, plane_choices, segmenter_choices
-from regionpose.pick.scene_text import mask_name, points_name, region_lists, scene_of, scene_text
+from regionpose.pick.scene_text import check_scene, mask_name, points_name, region_lists, scene_of, scene_text
 from regionpose.pick.sketch import Sketch
 from regionpose.progress import told_each
 from regionpose.scene import Scene, SceneError, SceneEstimate, SceneSides, Stages, estimate_sides, load_scene
-from regionpose.scene.estimate import estimate_regions
+from regionpose.scene.estimate import estimate_frames, estimate_regions
 from regionpose.scene.exposure import Unpaired, checked
 from regionpose.scene.known import scene_prior
 from regionpose.scene.models import PLANES
@@ -242,6 +243,16 @@ class Session:
         return bool(self.pairs) or self._can_match
 
     @property
+    def searches_edges(self) -> bool:
+        """Whether the pose comes from the edges of photo and cloud: there is no pair, and nothing to be matched."""
+        return not self.can_estimate and compares_edges(self.base)
+
+    @property
+    def has_estimate(self) -> bool:
+        """Whether there is anything that a pose comes from."""
+        return self.can_estimate or self.searches_edges
+
+    @property
     def basis(self) -> list[tuple[int, object, object]]:
         """What the estimate is made of, beside `base`: key and sides of the pairs, and of all regions where some can be
         matched.
@@ -276,6 +287,11 @@ class Session:
     def is_changed(self) -> bool:
         """Whether there is something to save."""
         return (self.sketch.regions, self.base) != (self._saved.regions, self._saved.base)
+
+    @property
+    def can_save(self) -> bool:
+        """Whether there is something to save, or no file yet."""
+        return self.is_changed or not self.path.exists()
 
     def select(self, key: int | None) -> None:
         """Work on a region, or on none, so that the next click begins a new one."""
@@ -501,6 +517,21 @@ class Session:
         sides = self.sides()
         return estimate_regions(sides.scene, [sides], stages)
 
+    def edge_values(self) -> dict[str, Any]:
+        """The scene of the pose by edges as plain values: without regions, of all frames of a rig."""
+        return without_regions(self.base)
+
+    def estimate_edges(self, values: dict[str, Any], stages: Stages | None = None) -> SceneEstimate:
+        """The pose by the edges of photo and cloud alone, of a scene as of `edge_values`; PoseError where there is
+        none.
+        """
+        scene, stages = scene_of(self.path, values), stages or Stages()
+        return estimate_frames(scene, self._edge_sides(scene, stages), stages)
+
+    def _edge_sides(self, scene: Scene, stages: Stages) -> list[SceneSides]:
+        """Photo and cloud of each frame of a scene without regions."""
+        return [bare_sides(scene, self.image, self.camera, self.cloud)]
+
     def keys_of(self, names: Sequence[str]) -> list[int]:
         """The keys of regions by their names."""
         keys = {picked.name: picked.key for picked in self.regions}
@@ -510,12 +541,10 @@ class Session:
         """Write the scene file, its masks and its points, whole or not at all, and return their paths.
 
         A mask, or a file of points, has a name of its own for what it holds, so that none is replaced; the scene file
-        goes last.
+        goes last. SceneError, a ValueError, for regions of one side alone that nothing can be matched with.
         """
         values = self.values()
-        if not self.can_estimate:
-            raise ValueError(NO_PAIR)
-        scene_of(self.path, values)
+        check_scene(self.path, values)
         writers = {**self.part_writers(), self.path.name: text_writer(scene_text(values))}
         with claimed(self.path.parent, list(writers), force=True) as claim:
             written = claim.write(writers)

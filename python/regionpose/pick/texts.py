@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from html import escape
 from pathlib import Path
 
@@ -10,7 +11,11 @@ from numpy.typing import NDArray
 
 from regionpose.pick.outcome import Outcome
 from regionpose.pick.parts import Picked
+from regionpose.scene import SceneEstimate
 from regionpose.scene.fit import scene_fit
+from regionpose.scene.result import edge_search_values
+from regionpose.scene.searched import searched_text
+from regionpose.scene.verdict import Verdict
 from regionpose.units import angle_text, length_text
 
 HEADINGS = {"trusted": "Trusted", "check": "Check before use", "doubtful": "Do not trust yet"}
@@ -20,8 +25,14 @@ EMPTY_LIST = (
     " wall, a board.<ol><li><b>Click on it in the photo.</b> Its mask is proposed; the slider takes a smaller or a"
     " larger one.</li><li><b>Click on it in the cloud.</b> The whole plane is taken;"
     " a further click takes a part of it, such as a sign.</li><li><b>Go on with the next one.</b>"
-    " The pose appears with the first pair; three or four on different planes make it sure.</li></ol></div>"
+    " The pose follows from the first pair on; three or four on different planes make it sure.</li></ol></div>"
 )
+
+EDGES_ENOUGH = (
+    '<div class="rp-empty">The pose comes from the edges of photo and cloud. Where the points over the photo lie on'
+    " what they show, regions are not needed: save. Where they do not, mark regions.</div>"
+)
+"""What is said before the list's help where the pose comes from edges."""
 
 EMPTY_POSE = (
     '<div class="rp-empty">The pose appears here as soon as one region has both sides, and again after every change.'
@@ -30,9 +41,27 @@ EMPTY_POSE = (
 
 WITHOUT_POSE = {
     "busy": '<div class="rp-empty"><span class="rp-spin"></span>Estimating the pose …</div>',
+    "searching": '<div class="rp-empty"><span class="rp-spin"></span>Searching the pose at which edges of the cloud lie'
+    " on those of the photo …</div>",
     "stopped": '<div class="rp-empty">The estimate was stopped before there was a pose.</div>',
 }
 """What is said instead of a pose where there is none."""
+
+ADVICE_BY_EDGES = {
+    "ambiguous": "Compare the points over the photo at the likeliest pose and at the runner-up (R). Then say what is"
+    " known beforehand, or mark a region in photo and cloud.",
+    "low-confidence": "Look at the points over the photo. Say what is known beforehand, or mark a region in photo and"
+    " cloud.",
+    "weak-geometry": "Mark regions in photo and cloud, or add frames; or, if this is precise enough, raise"
+    " solver.max_rotation_sigma_deg or solver.max_translation_sigma_percent in the scene file.",
+}
+"""What to do on the page about warnings of a pose by edges."""
+
+FAILED = {
+    False: "Look at the regions one by one: a wrong pair or a mask that leaked is the usual cause.",
+    True: "Say where the scanner stood and what is known beforehand, or mark regions in photo and cloud.",
+}
+"""What to do where there is no pose, by whether it was searched by edges."""
 
 OF_REGIONS = {
     "regions": ("regions", "By the regions so far; the rest of photo and cloud is being asked"),
@@ -48,8 +77,9 @@ SCANNER_QUESTION = (
 
 PRIOR_QUESTION = (
     '<div class="rp-help"><h3>What is known of the pose beforehand?</h3>In the frame of the cloud. It chooses between'
-    " poses that fit about equally well, and warns of one that it contradicts. Leave empty what is not known. Without"
-    " an answer the camera is taken to stand within some meters of the scanner.</div>"
+    " poses that fit about equally well, and warns of one that it contradicts. Without regions it is all that is"
+    " searched. Leave empty what is not known. Without an answer the camera is taken to stand within some meters of the"
+    " scanner, without regions within 0.5 m (1 sigma).</div>"
 )
 
 HELP = (Path(__file__).parent / "help.html").read_text(encoding="utf-8")
@@ -58,11 +88,12 @@ HELP = (Path(__file__).parent / "help.html").read_text(encoding="utf-8")
 def outcome_html(outcome: Outcome) -> str:
     """The verdict, the pose's numbers and its warnings."""
     if outcome.state == "failed":
-        advice = "Look at the regions one by one: a wrong pair or a mask that leaked is the usual cause."
+        advice = FAILED[outcome.searches_edges]
         return f'<div class="rp-verdict rp-failed"><b>No pose</b>{escape(outcome.message)} <span>{advice}</span></div>'
     if outcome.run is None or outcome.judged is None:
-        return WITHOUT_POSE.get(outcome.state, EMPTY_POSE)
-    judged, estimate, fit = outcome.judged, outcome.run.estimate, scene_fit(outcome.run)
+        state = "searching" if outcome.searches_edges and outcome.state == "busy" else outcome.state
+        return WITHOUT_POSE.get(state, EMPTY_POSE)
+    judged, estimate = outcome.judged, outcome.run.estimate
     # By the regions alone nothing is trusted yet: the rest of the scene may choose another pose.
     level, heading = OF_REGIONS.get(outcome.state, (judged.level, HEADINGS[judged.level]))
     busy = outcome.state == "busy"
@@ -70,21 +101,49 @@ def outcome_html(outcome: Outcome) -> str:
     said = f'<div class="rp-verdict rp-{level}"><b>{spin}{heading}</b>{escape(judged.headline)}</div>'
     remarks = "".join(
         f'<div class="rp-warn">{escape(_sentence(what))}<em>{escape(advice)}</em></div>'
-        for what, advice in judged.remarks
+        for what, advice in _remarks(outcome.run, judged)
     )
     facts = [
         # No pose is certain.
         (f"{min(100.0 * estimate.confidence, 99.9):.1f} %", "confidence"),
         (angle_text(float(np.max(estimate.rotation_sigma_deg)), "°"), "rotation, 1 sigma"),
         (length_text(float(np.max(estimate.translation_sigma_m))), "place, 1 sigma"),
-        (fit.value, fit.measure),
+        _fit(outcome.run),
     ]
     told = "".join(f"<div><b>{escape(value)}</b><span>{name}</span></div>" for value, name in facts)
     rows = "\n".join("  ".join(f"{value:10.5f}" for value in row) for row in estimate.pose.matrix[:3])
     matrix = (
         f'<div class="rp-title" style="margin-bottom:4px">camera_from_world</div><pre class="rp-matrix">{rows}</pre>'
     )
-    return f'<div class="{"rp-busy" if busy else ""}">{said}<div class="rp-facts">{told}</div>{remarks}{matrix}</div>'
+    facts_html = f'<div class="rp-facts">{told}</div>{_searched(outcome.run)}'
+    return f'<div class="{"rp-busy" if busy else ""}">{said}{facts_html}{remarks}{matrix}</div>'
+
+
+def _remarks(run: SceneEstimate, judged: Verdict) -> Iterator[tuple[str, str]]:
+    """The warnings with what to do about each on the page."""
+    advice = {} if run.calibration is None else ADVICE_BY_EDGES
+    # A remark for each warning, in order.
+    for warning, (what, usual) in zip(run.estimate.warnings, judged.remarks, strict=True):
+        yield what, advice.get(warning.code, usual)
+
+
+def _fit(run: SceneEstimate) -> tuple[str, str]:
+    """How well the pose fits, and by what measure: by regions, or by edges without these."""
+    if run.calibration is not None:
+        return f"{run.calibration.edges:,}", "edges that agree"
+    fit = scene_fit(run)
+    return fit.value, fit.measure
+
+
+def _searched(run: SceneEstimate) -> str:
+    """What was searched for a pose by edges, and what was assumed for that; nothing of another pose."""
+    found = edge_search_values(run)
+    if found is None:
+        return ""
+    text = f"Searched: {searched_text(found)}."
+    if run.scanner is None:
+        text += " The scanner is taken to stand at the cloud's zero (assumed)."
+    return f'<div class="rp-soft rp-searched">{escape(text)}</div>'
 
 
 def _sentence(text: str) -> str:

@@ -1,0 +1,381 @@
+"""The picking page before there is a pair: the pose by edges, the cloud over the photo, and what is saved of it."""
+
+from __future__ import annotations
+
+import io
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import regionpose as rp
+from made_up_worlds import World, made_world, pose_of
+from PIL import Image
+from regionpose.alignment import pose_search
+from regionpose.clouds import Cloud, write_ply
+from regionpose.estimation.answer import Alternative
+from regionpose.pick.desk import Desk
+from regionpose.pick.frames import Frames
+from regionpose.pick.outcome import Outcome
+from regionpose.pick.session import Session
+from regionpose.pick.texts import outcome_html
+from regionpose.pictures.colors import project_points
+from regionpose.progress import UnwantedError, check_wanted
+from regionpose.scene import SceneError, estimate_scene, load_scene
+from regionpose.scene.verdict import verdict
+
+COLMAP = "1 PINHOLE 480 320 260 260 240 160\n"
+SHARED = {"initial_rotation_sigma_deg": 5.0, "initial_center_sigma_m": 0.3, "up": [0.0, 0.0, 1.0], "up_sigma_deg": 3.0}
+PRIOR = {"initial": {"camera_from_world": {"matrix": pose_of(45.0).matrix.tolist()}}, **SHARED}
+"""With which few poses are enough to find the true one."""
+
+WAIT_S = 120.0
+SOON_S = 5.0
+"""Seconds after which work that nobody waits for has ended."""
+
+SQUARE = [[200.0, 140.0], [280.0, 140.0], [280.0, 200.0], [200.0, 200.0]]
+
+
+@pytest.fixture(scope="module")
+def worlds() -> list[World]:
+    return [made_world(5), made_world(3)]
+
+
+@pytest.fixture(autouse=True)
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Far fewer poses are looked at than a search needs."""
+    monkeypatch.setattr(pose_search, "DRAWS", 1_000)
+    monkeypatch.setattr(pose_search, "KEPT", (40, 12, 4))
+
+
+def write_pair(folder: Path, world: World, name: str) -> None:
+    Image.fromarray(world.photo).save(folder / f"{name}.png")
+    write_ply(folder / f"{name}.ply", Cloud.from_points(world.points, intensity=world.intensity))
+
+
+@pytest.fixture
+def drive(worlds: list[World], tmp_path: Path) -> Path:
+    """A folder of two pairs of one rig."""
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    for number, world in enumerate(worlds, start=1):
+        write_pair(folder, world, f"000{number}")
+    (tmp_path / "cameras.txt").write_text(COLMAP, encoding="utf-8")
+    return folder
+
+
+def session_of(drive: Path, **extra: Any) -> Session:
+    """A new scene of the first pair; without a key where it is None."""
+    files = {"image": drive / "0001.png", "camera": drive.parent / "cameras.txt", "cloud": drive / "0001.ply"}
+    held = {"sensor_origin": [0.0, 0.0, 0.0], "prior": PRIOR, **extra}
+    given = {key: value for key, value in held.items() if value is not None}
+    return Session.create(drive.parent / "scene.yaml", **files, **given)
+
+
+@contextmanager
+def opened(session: Session) -> Iterator[Desk]:
+    desk = Desk(session)
+    try:
+        yield desk
+    finally:
+        desk.close()
+
+
+def holds(condition: Callable[[], bool], seconds: float = WAIT_S) -> bool:
+    """Whether a condition comes to hold in time."""
+    until = time.monotonic() + seconds
+    while not condition() and time.monotonic() < until:
+        time.sleep(0.01)
+    return condition()
+
+
+def settled(desk: Desk, state: str = "ready") -> bool:
+    return holds(lambda: desk.outcome.state == state)
+
+
+def assert_right(pose: rp.Pose, truth: rp.Pose) -> None:
+    assert np.degrees((pose.rotation * truth.rotation.inv()).magnitude()) < 0.5
+    assert np.linalg.norm(pose.camera_center - truth.camera_center) < 0.15
+
+
+def pick_pair(desk: Desk) -> None:
+    """Mark a region in the photo, and some plane of the cloud as its other side."""
+    desk.edit(lambda session: session.draw_polygon(SQUARE))
+    points = desk.session.cloud.local_points
+    wall = points[np.argmin(np.abs(points - [14.0, 0.0, 0.0]).sum(axis=1))]
+    desk.edit(partial(Session.click_cloud, place=wall))
+
+
+def test_the_page_opens_with_the_pose_by_edges(drive: Path, worlds: list[World]) -> None:
+    with opened(session_of(drive)) as desk:
+        assert desk.outcome.state == "busy" and desk.outcome.searches_edges
+        assert "rp-spin" in outcome_html(desk.outcome)
+        assert settled(desk), desk.outcome
+        run = desk.outcome.run
+        assert run is not None and run.calibration is not None
+        assert_right(run.estimate.pose, worlds[0].pose)
+        html = outcome_html(desk.outcome)
+        assert f"rp-{verdict(run).level}" in html and f"{run.calibration.edges:,}" in html
+        assert holds(lambda: desk.stage == "") and "photo" in desk.colorings
+        desk.color_by("photo")
+        assert desk.coloring == "photo"
+
+
+def test_the_cloud_lies_over_the_photo_at_once_and_can_be_switched_off(drive: Path) -> None:
+    with opened(session_of(drive)) as desk:
+        assert desk.shows_depth and desk.depth_files == []
+        assert settled(desk) and holds(lambda: bool(desk.depth_files))
+        run = desk.outcome.run
+        assert run is not None and desk.depth_files[0].startswith("files/depth.jpg")
+        shown = np.asarray(Image.open(io.BytesIO(desk.files["depth.jpg"].content)).convert("RGB"), dtype=np.float64)
+        assert shown.shape == desk.session.image.shape, "pixels stay where they are"
+        pixels, depths = project_points(desk.cloud.local_points, run.camera, run.local_pose, shown.shape[:2])
+        seen = np.flatnonzero(np.isfinite(depths) & (depths > 0.0))[::50]
+        drawn = shown[tuple(np.round(pixels[seen][:, ::-1]).astype(int).T)]
+        assert np.ptp(drawn, axis=1).mean() > 40.0, "the dots are colored, the photo below them is gray"
+        desk.show_depth(False)
+        assert desk.depth_files == []
+
+
+def test_the_runner_up_is_shown_where_the_pose_is_not_trusted(drive: Path) -> None:
+    with opened(session_of(drive)) as desk:
+        assert settled(desk) and holds(lambda: desk.stage == "")
+        run, judged = desk.outcome.run, desk.outcome.judged
+        assert run is not None and judged is not None
+        other = run.estimate.pose.moved(np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0]))
+        place = Alternative(other, run.estimate.covariance, 0.3, 0.3, np.nan, np.empty(0))
+        unsure = replace(run, estimate=replace(run.estimate, alternatives=(place,)))
+        desk._show(replace(desk.outcome, run=unsure, judged=replace(judged, level="doubtful")))
+        assert [name.split("?")[0] for name in desk.depth_files] == ["files/depth.jpg", "files/runner_up.jpg"]
+        assert desk.files["depth.jpg"].content != desk.files["runner_up.jpg"].content
+        desk._show(replace(desk.outcome, run=unsure, judged=replace(judged, level="trusted")))
+        assert len(desk.depth_files) == 1
+
+
+def test_what_was_assumed_is_on_the_page(drive: Path) -> None:
+    prior = {key: value for key, value in PRIOR.items() if "initial" not in key}
+    with opened(session_of(drive, prior=prior)) as desk:
+        assert settled(desk), desk.outcome
+        run = desk.outcome.run
+        assert run is not None and run.calibration is not None
+        assert run.calibration.assumed == ("camera_near_sigma_m",)
+        html = outcome_html(desk.outcome)
+        assert "within 0.5 m" in html and "(assumed)" in html and "up to 3 deg" in html
+        assert html.count("(assumed)") == 1
+    session = session_of(drive, prior=prior, sensor_origin=None)
+    assert session.asks_for_scanner
+    outcome = Outcome.of(session.estimate_edges(session.edge_values()), [])
+    assert outcome_html(outcome).count("(assumed)") == 2, "the scanner's place, too"
+
+
+def test_a_scene_without_regions_is_saved_and_estimated_to_the_same_pose(drive: Path) -> None:
+    session = session_of(drive)
+    assert session.can_save and not session.is_changed
+    with opened(session) as desk:
+        assert settled(desk)
+        run = desk.outcome.run
+        assert run is not None
+        assert desk.save() == [session.path]
+    assert not session.can_save
+    again = load_scene(session.path)
+    np.testing.assert_array_equal(estimate_scene(again).estimate.pose.matrix, run.estimate.pose.matrix)
+    read = Session.open(session.path)
+    assert read.regions == () and read.searches_edges and not read.can_save
+
+
+def test_what_could_not_be_read_again_is_not_saved(drive: Path) -> None:
+    session = session_of(drive)
+    session.draw_polygon(SQUARE)
+    with pytest.raises(SceneError, match="found regions of one side"):
+        session.save()
+    session.undo()
+    session.base["solver"] = {"witness": False}
+    with pytest.raises(SceneError, match="found no region"):
+        session.save()
+    assert not session.path.exists()
+
+
+def test_scenes_whose_edges_do_not_count_wait_for_a_pair(drive: Path) -> None:
+    session = session_of(drive, solver={"witness": False})
+    assert not session.searches_edges and not session.has_estimate
+    with opened(session) as desk:
+        assert desk.outcome.state == "empty" and not desk.shows_depth
+        time.sleep(1.0)
+        assert desk.outcome.state == "empty" and desk.outcome.run is None
+
+
+@pytest.fixture
+def searches(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """How the searches by edges ended, which are as they are."""
+    held: list[str] = []
+    estimate = Session.estimate_edges
+
+    def noted(session: Session, *given: Any) -> Any:
+        held.append("begun")
+        try:
+            run = estimate(session, *given)
+        except UnwantedError:
+            held[-1] = "abandoned"
+            raise
+        held[-1] = "found"
+        return run
+
+    monkeypatch.setattr(Session, "estimate_edges", noted)
+    return held
+
+
+def test_a_pair_is_estimated_by_regions_and_without_it_the_edges_count_again(drive: Path, searches: list[str]) -> None:
+    with opened(session_of(drive)) as desk:
+        assert settled(desk)
+        first = desk.outcome.run
+        desk.edit(lambda session: session.draw_polygon(SQUARE))
+        assert desk.outcome.run is first and desk.outcome.state == "ready", "a side alone changes no pose"
+        desk.edit(Session.undo)
+        pick_pair(desk)
+        assert desk.outcome.state == "busy" and not desk.outcome.searches_edges and desk.outcome.run is first
+        assert holds(lambda: desk.outcome.state in ("regions", "ready", "failed") and not desk.outcome.searches_edges)
+        assert desk.outcome.run is None or desk.outcome.run.calibration is None
+        desk.edit(lambda session: session.remove(session.regions[0].key))
+        assert desk.outcome.run is None and desk.outcome.searches_edges and desk.depth_files == []
+        assert settled(desk)
+        assert desk.outcome.run is first and searches == ["found"], "nothing was searched for twice"
+        assert holds(lambda: len(desk.depth_files) >= 1)
+
+
+def test_a_changed_prior_is_searched_anew(drive: Path, searches: list[str]) -> None:
+    with opened(session_of(drive)) as desk:
+        assert settled(desk)
+        first = desk.outcome.run
+        desk.edit(lambda session: session.set_known(replace(session.known, up_sigma_deg=2.0)))
+        assert desk.outcome.state == "busy" and desk.outcome.run is first
+        assert settled(desk)
+        run = desk.outcome.run
+        assert run is not first and run is not None and run.calibration is not None
+        assert run.calibration.prior.up_sigma_deg == 2.0 and searches == ["found", "found"]
+
+
+def test_a_place_of_the_scanner_is_searched_from(drive: Path, searches: list[str]) -> None:
+    with opened(session_of(drive)) as desk:
+        assert settled(desk)
+        desk.edit(lambda session: session.set_scanner([0.01, 0.0, 0.0]))
+        assert desk.outcome.state == "busy" and settled(desk)
+        run = desk.outcome.run
+        assert run is not None and run.scanner is not None
+        np.testing.assert_array_equal(run.scanner.place, [0.01, 0.0, 0.0])
+        assert searches == ["found", "found"]
+
+
+def test_a_search_can_be_stopped_and_taken_up_again(
+    drive: Path, monkeypatch: pytest.MonkeyPatch, worlds: list[World]
+) -> None:
+    ends: list[str] = []
+    estimate, first = Session.estimate_edges, [True]
+
+    def slow(session: Session, *given: Any) -> Any:
+        if not first:
+            return estimate(session, *given)
+        first.pop()
+        given[1].begin("pose")
+        given[1].progress(0.25)
+        try:
+            while True:
+                check_wanted()
+                time.sleep(0.01)
+        except UnwantedError:
+            ends.append("abandoned")
+            raise
+
+    monkeypatch.setattr(Session, "estimate_edges", slow)
+    with opened(session_of(drive)) as desk:
+        assert holds(lambda: "25 %" in desk.stage)
+        desk.stop()
+        assert desk.outcome.state == "stopped" and desk.stage == "" and desk.outcome.run is None
+        assert holds(lambda: ends == ["abandoned"], SOON_S)
+        desk.estimate_again()
+        assert settled(desk)
+        assert desk.outcome.run is not None
+        assert_right(desk.outcome.run.estimate.pose, worlds[0].pose)
+
+
+def test_a_page_that_is_closed_ends_its_search(drive: Path, searches: list[str], monkeypatch: Any) -> None:
+    monkeypatch.setattr(pose_search, "DRAWS", 3_000_000)
+    desk = Desk(session_of(drive))
+    assert holds(lambda: searches == ["begun"])
+    time.sleep(1.0)
+    desk.close()
+    assert holds(lambda: searches == ["abandoned"], SOON_S)
+
+
+def test_clouds_without_edges_are_named_as_such(drive: Path) -> None:
+    write_ply(drive / "0001.ply", Cloud.from_points(np.random.default_rng(0).random((9, 3))), overwrite=True)
+    with opened(session_of(drive)) as desk:
+        assert settled(desk, "failed")
+        assert desk.outcome.searches_edges and "no pose was found" in outcome_html(desk.outcome)
+        assert desk.depth_files == []
+
+
+# Frames of a rig.
+
+
+def frames_of(drive: Path) -> Frames:
+    frames = Frames.of_folder(drive, drive.parent / "cameras.txt")
+    frames.turned_to(0).base["prior"] = PRIOR
+    return frames
+
+
+def test_the_pose_by_edges_is_of_all_frames_and_stays_when_another_is_shown(
+    drive: Path, worlds: list[World], searches: list[str]
+) -> None:
+    frames = frames_of(drive)
+    with opened(frames.turned_to(0)) as desk:
+        assert settled(desk), desk.outcome
+        run = desk.outcome.run
+        assert run is not None and [sides.scene.name for sides in run.frames] == ["0001", "0002"]
+        assert_right(run.estimate.pose, worlds[0].pose)
+        assert holds(lambda: bool(desk.depth_files))
+        first = desk.files["depth.jpg"].content
+        desk.turn_to(frames.turned_to(1))
+        assert desk.depth_files == [] and desk.outcome.state == "busy"
+        assert settled(desk)
+        assert desk.outcome.run is run and searches == ["found"]
+        assert holds(lambda: bool(desk.depth_files))
+        assert desk.files["depth.jpg"].content != first, "it is drawn over the other photo"
+        written = desk.save()
+    assert written == [drive / "scene.yaml"]
+    scene = load_scene(drive / "scene.yaml")
+    assert [frame.name for frame in scene.frames] == ["0001", "0002"]
+    np.testing.assert_array_equal(estimate_scene(scene).estimate.pose.matrix, run.estimate.pose.matrix)
+    again = Frames.of_scene(drive / "scene.yaml").turned_to(1)
+    assert again.searches_edges and not again.can_save
+
+
+def test_frames_with_a_pair_are_saved_without_the_others(drive: Path) -> None:
+    frames = frames_of(drive)
+    with opened(frames.turned_to(1)) as desk:
+        pick_pair(desk)
+        desk.save()
+    assert [frame.name for frame in load_scene(drive / "scene.yaml").frames] == ["0002"]
+
+
+def test_frames_far_from_zero_share_one_origin(drive: Path, worlds: list[World]) -> None:
+    far = np.array([431_000.0, 5_230_000.0, 440.0])
+    for number, world in enumerate(worlds, start=1):
+        # A kilometer apart in what their files hold, whose local origins differ.
+        beside = [1000.0 * number, 0.0, 0.0]
+        points = np.concatenate([world.points, np.repeat([beside], number * len(world.points), axis=0)])
+        intensity = np.concatenate([world.intensity, np.zeros(number * len(world.points))])
+        write_ply(drive / f"000{number}.ply", Cloud.from_points(points + far, intensity=intensity), overwrite=True)
+    frames = Frames.of_folder(drive, drive.parent / "cameras.txt")
+    session = frames.turned_to(0)
+    truth = worlds[0].pose.about(-far)
+    start = pose_of(45.0).about(-far)
+    session.base["prior"] = {"initial": {"camera_from_world": {"matrix": start.matrix.tolist()}}, **SHARED}
+    run = session.estimate_edges(session.edge_values())
+    assert_right(run.estimate.pose, truth)
+    origins = {tuple(sides.origin) for sides in run.frames}
+    assert len(origins) == 1
