@@ -15,9 +15,9 @@ from made_up_worlds import CAMERA, World, made_world, pose_of
 from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.alignment import pose_search
-from regionpose.alignment.calibration import NEAR_SIGMA_M
 from regionpose.alignment.edge_frame import EdgeFrame
 from regionpose.estimation.options import EXACT_EXPOSURE
+from regionpose.estimation.prior import MOUNT_SIGMA_M
 from regionpose.progress import UnwantedError, while_wanted
 
 Array = NDArray[np.float64]
@@ -189,7 +189,7 @@ def test_what_is_not_said_of_the_place_is_assumed(few: None, worlds: list[World]
     calibration = rp.calibrate([frame], prior=rp.Prior(up=[0, 0, 1], up_sigma_deg=3.0))
     assert calibration.assumed == ("camera_near", "camera_near_sigma_m")
     assert calibration.prior.camera_near == (0.0, 0.0, 0.0)
-    assert calibration.prior.camera_near_sigma_m == NEAR_SIGMA_M
+    assert calibration.prior.camera_near_sigma_m == MOUNT_SIGMA_M
     near = rp.calibrate([frame], prior=rp.Prior(camera_near=[0.1, 0.0, 0.0]))
     assert near.assumed == ("camera_near_sigma_m",) and near.prior.camera_near == (0.1, 0.0, 0.0)
     assert rp.calibrate([frame]).assumed == ("camera_near", "camera_near_sigma_m")

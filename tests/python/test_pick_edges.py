@@ -71,10 +71,10 @@ def drive(worlds: list[World], tmp_path: Path) -> Path:
 
 def session_of(drive: Path, **extra: Any) -> Session:
     """A new scene of the first pair; without a key where it is None."""
-    files = {"image": drive / "0001.png", "camera": drive.parent / "cameras.txt", "cloud": drive / "0001.ply"}
+    image, camera, cloud = drive / "0001.png", drive.parent / "cameras.txt", drive / "0001.ply"
     held = {"sensor_origin": [0.0, 0.0, 0.0], "prior": PRIOR, **extra}
     given = {key: value for key, value in held.items() if value is not None}
-    return Session.create(drive.parent / "scene.yaml", **files, **given)
+    return Session.create(drive.parent / "scene.yaml", image=image, camera=camera, cloud=cloud, **given)
 
 
 @contextmanager

@@ -24,16 +24,11 @@ from regionpose.arguments import checked_arguments
 from regionpose.arrays import KeptArrays, finite_array
 from regionpose.estimation.answer import PoseError, PoseEstimate
 from regionpose.estimation.options import Solver, checked_solver
-from regionpose.estimation.prior import Prior
+from regionpose.estimation.prior import MOUNT_SIGMA_M, Prior
 from regionpose.pose import Pose
 from regionpose.progress import Progress, part
 
 Array = NDArray[np.float64]
-
-NEAR_SIGMA_M = 0.5
-"""Standard deviation, along each axis, of the camera's place about the scanner where none is given: a convention, that
-of both on one vehicle's roof or one tripod."""
-
 
 SEARCHED, FOCAL_TRIED = 0.75, 0.95
 """Shares of the time after which maxima are found, and other focal lengths tried: of street frames."""
@@ -257,6 +252,6 @@ def _assumed(
     if regions is None and known.camera_near is None and not has_pose:
         known, assumed = replace(known, camera_near=place), ["camera_near"]
     if regions is None and known.camera_near is not None and known.camera_near_sigma_m is None:
-        known = replace(known, camera_near_sigma_m=NEAR_SIGMA_M)
+        known = replace(known, camera_near_sigma_m=MOUNT_SIGMA_M)
         assumed.append("camera_near_sigma_m")
     return known, tuple(assumed), place

@@ -11,7 +11,7 @@ import typer
 from regionpose.cli.cameras import SCENE_FILE, camera_scenes, left_out, run_cameras
 from regionpose.cli.console import Progress, say_remarks
 from regionpose.cli.estimate import run_scene
-from regionpose.cli.known import Known
+from regionpose.cli.known import Known, Mounts, Near, Up
 from regionpose.cli.options import (
     CAMERA_HELP,
     AsJson,
@@ -63,34 +63,9 @@ def calibrate(
             "--sensor-origin", help="x,y,z (meters) where the scanner stood in each cloud.", show_default=False
         ),
     ] = None,
-    near: Annotated[
-        str | None,
-        typer.Option(
-            "--near",
-            help="How near the scanner the camera stands, 1 sigma along each axis, meters; or x,y,z,sigma.  [default:"
-            " 0.5, without regions]",
-            show_default=False,
-        ),
-    ] = None,
-    up: Annotated[
-        str | None,
-        typer.Option(
-            "--up",
-            help="Which way is up in the clouds, of a camera that is upright to some 5 degrees: x, y, z, -x, ... or"
-            " x,y,z.  [default: not known]",
-            show_default=False,
-        ),
-    ] = None,
-    mount: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--mount",
-            metavar="[CAMERA=]front|left|rear|right",
-            help="Where the camera looks, to some 20 degrees, in clouds with x forward, y left and z up. Of several"
-            " cameras once for each, as left=front.",
-            show_default=False,
-        ),
-    ] = None,
+    near: Near = None,
+    up: Up = None,
+    mount: Mounts = None,
     photos: Annotated[
         str | None,
         typer.Option(

@@ -1,9 +1,11 @@
-"""What `--near`, `--up` and `--mount` of `regionpose calibrate` say of poses."""
+"""What `--near`, `--up` and `--mount` say of poses."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, cast
+
+import typer
 
 from regionpose.cli.options import numbers_of
 
@@ -11,6 +13,35 @@ if TYPE_CHECKING:
     from regionpose.estimation.prior import Mount
 
 MOUNTS = ("front", "left", "rear", "right")
+
+Near = Annotated[
+    str | None,
+    typer.Option(
+        "--near",
+        help="How near the scanner the camera stands, 1 sigma along each axis, meters; or x,y,z,sigma.  [default:"
+        " 0.5, without regions]",
+        show_default=False,
+    ),
+]
+Up = Annotated[
+    str | None,
+    typer.Option(
+        "--up",
+        help="Which way is up in the clouds, of a camera that is upright to some 5 degrees: x, y, z, -x, ... or"
+        " x,y,z.  [default: not known]",
+        show_default=False,
+    ),
+]
+Mounts = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--mount",
+        metavar="[CAMERA=]front|left|rear|right",
+        help="Where the camera looks, to some 20 degrees, in clouds with x forward, y left and z up. Of several"
+        " cameras once for each, as left=front.",
+        show_default=False,
+    ),
+]
 
 
 class Known(NamedTuple):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from regionpose.cli.console import Progress
+from regionpose.cli.known import Known, Mounts, Near, Up
 from regionpose.cli.options import CAMERA_HELP, Columns, Quiet, SegmenterName, names_of
 
 if TYPE_CHECKING:
@@ -24,34 +25,44 @@ def pick(
     camera: Annotated[Path | None, typer.Option("--camera", help=f"{CAMERA_HELP}", show_default=False)] = None,
     cloud: Annotated[Path | None, typer.Option("--cloud", help="Cloud of a new scene.", show_default=False)] = None,
     columns: Columns = None,
+    near: Near = None,
+    up: Up = None,
+    mount: Mounts = None,
     demo: Annotated[bool, typer.Option("--demo", help="A new scene of the demo's photo and cloud.")] = False,
     segmenter: SegmenterName = None,
     port: Annotated[int, typer.Option("--port", help="Port of this computer; 0 for any that is free.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
     quiet: Quiet = False,
 ) -> None:
-    """Click regions in photo and cloud; the pose follows every click.
+    """Look at the pose of a photo and a cloud; where it is not trusted, click regions, and it follows every click.
 
-    Opens a page in the browser. It is served to this computer only. Save writes SCENE and its masks, and
-    `regionpose estimate SCENE` then gives the same pose. Ctrl-C ends it. A folder holds pairs such as 0001.png and
-    0001.pcd of one pose: they are picked one after the other, and saved as one scene file, FOLDER/scene.yaml.
+    The page opens with the pose by the edges of photo and cloud, as of `regionpose calibrate`. --near, --up and --mount
+    narrow its search, in the place of what SCENE says of the pose. Save writes SCENE and its masks, and `regionpose
+    estimate SCENE` then gives the same pose. The page is served to this computer only. Ctrl-C ends it. A folder holds
+    pairs such as 0001.png and 0001.pcd of one pose: they are looked at one after the other, and saved as one scene
+    file, FOLDER/scene.yaml.
 
     \b
     Examples:
       regionpose pick --demo
-      regionpose pick --image photo.jpg --camera calib.yaml --cloud scan.ply
+      regionpose pick --image photo.jpg --camera calib.yaml --cloud scan.ply --up z
       regionpose pick scene.yaml
-      regionpose pick drive --camera calib.yaml
+      regionpose pick drive --camera calib.yaml --up z --mount front
       regionpose pick scene.yaml --segmenter my_sam:predictor
     """
     from regionpose.pick.desk import Desk
     from regionpose.pick.server import serve
     from regionpose.segmentation.segmenters import load_segmenter
 
+    known = Known.of(near, up, mount or (), None)
+    known.check([])
+    prior = known.prior()
     with Progress(quiet) as progress:
         session = _session(
             scene, {"--image": image, "--camera": camera, "--cloud": cloud}, names_of(columns), demo, progress.stages
         )
+        if prior:
+            session.set_prior(prior)
         if segmenter is not None:
             session.segmenter = load_segmenter(segmenter)
         progress.begin(f"pictures of {len(session.cloud)} points")

@@ -66,6 +66,12 @@ def small_button(icon: str, title: str, action: Callable[[], Any] | None, *, sto
     return button
 
 
+def toggle(options: dict[Any, str], value: object, action: Callable[[], Any]) -> ui.toggle:
+    """Buttons of which one is chosen; `options`: what each value is called."""
+    buttons = ui.toggle(options, value=value, on_change=action)
+    return buttons.props("dense unelevated no-caps size=12.5px color=grey-2 text-color=grey-8 toggle-color=blue-7")
+
+
 def say(message: str) -> None:
     """Say that something is done."""
     ui.notify(message, type="positive", position=TOASTS)

@@ -52,7 +52,7 @@ class Known:
         return cls(
             near=None if near is None else _triple(near),
             near_sigma_m=prior.get("camera_near_sigma_m"),
-            is_anywhere="camera_near" in prior and near is None,
+            is_anywhere=_is_anywhere(prior),
             ahead=None if pose is None else _triple(pose.rotation.as_matrix()[2]),
             ahead_sigma_deg=prior.get("initial_rotation_sigma_deg"),
             up=_triple(prior["up"]) if prior.get("up") is not None else None,
@@ -85,7 +85,9 @@ class Known:
         if held.ahead is not None and np.abs(ahead - np.array(_unit("", held.ahead))).max() <= SAME_DIRECTION:
             kept = {key: before[key] for key in OF_INITIAL if key in before}
             if self.ahead_sigma_deg == held.ahead_sigma_deg and self.near == held.near:
-                return kept
+                # The place is the initial pose's, and counts once.
+                of_initial = "camera_near" in before and not held.is_anywhere and held.near is None
+                return kept | ({"camera_near": None} if of_initial else {})
         place = self.near if self.near is not None else scanner
         if place is None or self.is_anywhere:
             raise ValueError("found a direction of view from nowhere; needed the place that the camera stands near")
@@ -116,6 +118,13 @@ class Known:
         if self.up is not None:
             said.append(f"up {_written(self.up)}")
         return "; ".join(said)
+
+
+def _is_anywhere(prior: Mapping[str, Any]) -> bool:
+    """Whether a scene's `prior` says that the camera may stand anywhere: neither near a place nor near that of an
+    initial pose.
+    """
+    return "camera_near" in prior and prior["camera_near"] is None and prior.get("initial_center_sigma_m") is None
 
 
 def initial_pose(prior: Mapping[str, Any]) -> Pose | None:

@@ -48,7 +48,7 @@ class Outcome:
         lines = [projected_lines(sides.camera, pose, side.region) for side in sides.world_sides]
         projected = {key: [rounded(line) for line in held] for key, held in zip(keys, lines, strict=True)}
         fits = dict(zip(keys, region_fits(run), strict=True))
-        return cls(state, "", run, verdict(run), projected, fits, run.calibration is not None)
+        return cls(state, "", run, verdict(run), projected, fits, run.is_by_edges)
 
 
 def rounded(line: NDArray[np.float64]) -> list[list[float]]:

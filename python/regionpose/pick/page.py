@@ -12,11 +12,11 @@ from nicegui import run, ui
 from nicegui.events import KeyEventArguments
 
 from regionpose.pick.desk import Desk
-from regionpose.pick.elements import CloudView, PictureView, complain, say, small_button
+from regionpose.pick.elements import CloudView, PictureView, complain, say, small_button, toggle
 from regionpose.pick.frames import Frames, FrameSession
 from regionpose.pick.known import Known
 from regionpose.pick.parts import Picked
-from regionpose.pick.prior_dialog import PriorDialog
+from regionpose.pick.prior_dialog import PriorDialog, UpChoice
 from regionpose.pick.region_list import RegionList
 from regionpose.pick.scanner_dialog import ScannerDialog
 from regionpose.pick.session import Session
@@ -109,7 +109,7 @@ class Page:
         with ui.element("div").classes("rp-card"):
             with ui.element("div").classes("rp-head"):
                 ui.html('<span class="rp-title">Photo</span>', sanitize=False)
-                self.modes = _toggle(MODES, "click", self._choose_mode)
+                self.modes = toggle(MODES, "click", self._choose_mode)
                 ui.element("div").classes("rp-grow")
                 hint = "Draw the cloud by its distance at the pose (D)"
                 self.depth = _switch("Depth", hint, self._show_depth, on=self.desk.shows_depth).mark("depth")
@@ -131,7 +131,7 @@ class Page:
             self.opacity = ui.slider(min=0.0, max=1.0, step=0.05, value=OPACITY, on_change=self._show_photo)
             self.opacity.props("dense dark").mark("opacity")
             options = dict(enumerate(POSES))
-            self.at = _toggle(options, 0, self._show_photo).mark("runner-up")
+            self.at = toggle(options, 0, self._show_photo).mark("runner-up")
             self.at.tooltip("Where the cloud is drawn: at the pose, or at the next likeliest one (R)")
 
     def _cloud(self) -> None:
@@ -142,11 +142,11 @@ class Page:
         with ui.element("div").classes("rp-card"):
             with ui.element("div").classes("rp-head"):
                 ui.html('<span class="rp-title">Cloud</span>', sanitize=False)
-                self.cloud_modes = _toggle(CLOUD_MODES, "click", self._choose_cloud_mode)
-                self.tabs = _toggle({"range": "Range image", "solid": "3D"}, "range", self._choose_tab)
+                self.cloud_modes = toggle(CLOUD_MODES, "click", self._choose_cloud_mode)
+                self.tabs = toggle({"range": "Range image", "solid": "3D"}, "range", self._choose_tab)
                 ui.element("div").classes("rp-grow")
                 self.scanner = ScannerDialog(desk, self._set_scanner)
-                self.coloring = _toggle(desk.colorings, desk.coloring, self._color)
+                self.coloring = toggle(desk.colorings, desk.coloring, self._color)
             with ui.element("div").classes("rp-view"):
                 self.range = PictureView(desk.range_view.size, least=STRIP_SHARE)
                 self.range.on("pick", lambda e: self._click_range(e.args))
@@ -179,6 +179,7 @@ class Page:
                 self.stop.tooltip("Wait no longer: a pose of the regions alone stays (Esc)")
                 self.again = ui.button("Estimate", icon="play_arrow", on_click=self.desk.estimate_again)
                 self.again.props("flat dense no-caps").tooltip("Go on with what was stopped")
+            self.upright = UpChoice(self.desk, self._set_known)
             with ui.element("div").classes("rp-scroll"):
                 self.verdict = ui.html("", sanitize=False).classes("rp-pose").mark("verdict")
 
@@ -203,6 +204,7 @@ class Page:
         self.save.set_enabled(session.can_save)
         self.scanner.show()
         self.prior.show()
+        self.upright.show()
         self.depth.set_value(self.desk.shows_depth)
         self.coloring.set_options(self.desk.colorings, value=self.desk.coloring)
         self._show_photo()
@@ -374,11 +376,6 @@ class Page:
             await self._edit(lambda session: session.remove(selected.key))
         elif key in ("1", "2", "3", "4", "5") and selected.image is not None and len(selected.image) >= int(key):
             await self._choose(selected.key, "image", int(key) - 1)
-
-
-def _toggle(options: dict[Any, str], value: object, action: Callable[[], Any]) -> ui.toggle:
-    toggle = ui.toggle(options, value=value, on_change=action)
-    return toggle.props("dense unelevated no-caps size=12.5px color=grey-2 text-color=grey-8 toggle-color=blue-7")
 
 
 def _switch(title: str, hint: str, action: Callable[[], Any], *, on: bool = True) -> ui.switch:

@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 
 from nicegui import ui
 
-from regionpose.alignment.calibration import NEAR_SIGMA_M as EDGE_NEAR_SIGMA_M
+from regionpose.estimation.prior import MOUNT_SIGMA_M, UP_SIGMA_DEG
 from regionpose.pick.desk import Desk
-from regionpose.pick.elements import complain
+from regionpose.pick.elements import complain, toggle
 from regionpose.pick.known import AHEAD_SIGMA_DEG, NEAR_SIGMA_M, Known, Triple
 from regionpose.pick.texts import PRIOR_QUESTION
 
 Answered = Callable[[Known], Awaitable[bool]]
+
+NOT_KNOWN = "not known"
+
+UPWARD: dict[str, Triple] = {
+    "z": (0.0, 0.0, 1.0),
+    "-z": (0.0, 0.0, -1.0),
+    "y": (0.0, 1.0, 0.0),
+    "-y": (0.0, -1.0, 0.0),
+    "x": (1.0, 0.0, 0.0),
+    "-x": (-1.0, 0.0, 0.0),
+}
+"""Directions of a cloud's frame that may be up, by what the page calls them."""
 
 
 class PriorDialog:
@@ -44,7 +57,7 @@ class PriorDialog:
     def _ask(self) -> None:
         known, scanner = self._desk.session.known, self._desk.session.scanner
         place = None if scanner is None else (float(scanner[0]), float(scanner[1]), float(scanner[2]))
-        usual_m = EDGE_NEAR_SIGMA_M if self._desk.session.searches_edges else NEAR_SIGMA_M
+        usual_m = MOUNT_SIGMA_M if self._desk.session.searches_edges else NEAR_SIGMA_M
         self._near.set(known.near or place, known.near_sigma_m or usual_m)
         self._anywhere.set_value(known.is_anywhere)
         self._ahead.set(known.ahead, known.ahead_sigma_deg or AHEAD_SIGMA_DEG)
@@ -74,6 +87,39 @@ class PriorDialog:
     async def _forget(self) -> None:
         self._dialog.close()
         await self._answered(Known())
+
+
+class UpChoice:
+    """A row of buttons that says which direction of the cloud's frame is up, where the pose comes from edges."""
+
+    def __init__(self, desk: Desk, answered: Answered) -> None:
+        """Build the row; `answered` as of `PriorDialog`."""
+        self._desk, self._answered = desk, answered
+        with ui.element("div").classes("rp-up") as self._row:
+            ui.label("The camera is upright; up in the cloud is")
+            options = {name: name for name in (NOT_KNOWN, *UPWARD)}
+            self._choice = toggle(options, self._chosen, self._choose).mark("up")
+            self._choice.tooltip(f"To some {UP_SIGMA_DEG:g} degrees: far fewer poses are searched")
+        self.show()
+
+    @property
+    def _chosen(self) -> str | None:
+        """The button of what is known; None for another direction."""
+        up = self._desk.session.known.up
+        return NOT_KNOWN if up is None else next((name for name, axis in UPWARD.items() if axis == up), None)
+
+    def show(self) -> None:
+        """Show what is known."""
+        self._row.set_visibility(self._desk.session.searches_edges)
+        self._choice.set_value(self._chosen)
+
+    async def _choose(self) -> None:
+        name = self._choice.value
+        if name is None or name == self._chosen:
+            return
+        up = UPWARD.get(name)
+        sigma_deg = None if up is None else UP_SIGMA_DEG
+        await self._answered(replace(self._desk.session.known, up=up, up_sigma_deg=sigma_deg))
 
 
 class _Vector:

@@ -210,7 +210,10 @@ class Session:
 
         ValueError for what is no direction, no deviation, or a direction of view from no place.
         """
-        prior = known.prior(self.base.get("prior", {}), self.scanner)
+        self.set_prior(known.prior(self.base.get("prior", {}), self.scanner))
+
+    def set_prior(self, prior: dict[str, Any]) -> None:
+        """Say what the scene file's `prior` holds; ValueError for what is none."""
         base = {key: value for key, value in self.base.items() if key != "prior"} | ({"prior": prior} if prior else {})
         scene = scene_of(self.path, {**base, "regions": [_alone(STAND_IN, {"seed": [0.0, 0.0, 0.0]})]})
         scene_prior(scene, sensor_origin(scene, self.cloud))

@@ -48,10 +48,10 @@ WITHOUT_POSE = {
 """What is said instead of a pose where there is none."""
 
 ADVICE_BY_EDGES = {
-    "ambiguous": "Compare the points over the photo at the likeliest pose and at the runner-up (R). Then say what is"
-    " known beforehand, or mark a region in photo and cloud.",
-    "low-confidence": "Look at the points over the photo. Say what is known beforehand, or mark a region in photo and"
-    " cloud.",
+    "ambiguous": "Compare the points over the photo at the likeliest pose and at the runner-up (R). Say which direction"
+    " is up or what else is known beforehand, or mark a region in photo and cloud.",
+    "low-confidence": "Look at the points over the photo. Say which direction is up or what else is known beforehand,"
+    " or mark a region in photo and cloud.",
     "weak-geometry": "Mark regions in photo and cloud, or add frames; or, if this is precise enough, raise"
     " solver.max_rotation_sigma_deg or solver.max_translation_sigma_percent in the scene file.",
 }
@@ -121,7 +121,7 @@ def outcome_html(outcome: Outcome) -> str:
 
 def _remarks(run: SceneEstimate, judged: Verdict) -> Iterator[tuple[str, str]]:
     """The warnings with what to do about each on the page."""
-    advice = {} if run.calibration is None else ADVICE_BY_EDGES
+    advice = ADVICE_BY_EDGES if run.is_by_edges else {}
     # A remark for each warning, in order.
     for warning, (what, usual) in zip(run.estimate.warnings, judged.remarks, strict=True):
         yield what, advice.get(warning.code, usual)
@@ -129,7 +129,7 @@ def _remarks(run: SceneEstimate, judged: Verdict) -> Iterator[tuple[str, str]]:
 
 def _fit(run: SceneEstimate) -> tuple[str, str]:
     """How well the pose fits, and by what measure: by regions, or by edges without these."""
-    if run.calibration is not None:
+    if run.calibration is not None and run.is_by_edges:
         return f"{run.calibration.edges:,}", "edges that agree"
     fit = scene_fit(run)
     return fit.value, fit.measure
@@ -137,7 +137,7 @@ def _fit(run: SceneEstimate) -> tuple[str, str]:
 
 def _searched(run: SceneEstimate) -> str:
     """What was searched for a pose by edges, and what was assumed for that; nothing of another pose."""
-    found = edge_search_values(run)
+    found = edge_search_values(run) if run.is_by_edges else None
     if found is None:
         return ""
     text = f"Searched: {searched_text(found)}."
