@@ -15,7 +15,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from regionpose.clouds import read_cloud
+from made_up_worlds import made_world
+from PIL import Image
+from regionpose.clouds import Cloud, read_cloud, write_ply
 from regionpose.demo.scene import folder
 from regionpose.pick.guard import MOST_BYTES
 from regionpose.pick.range_view import RangeView
@@ -302,25 +304,25 @@ def test_a_click_in_3d_grows_the_plane_that_its_ray_meets(server: str, browser: 
 def test_the_page_asks_where_the_scanner_stood_and_looks_from_there(unasked: str, browser: Any, tmp_path: Path) -> None:
     page, odd = opened(browser, unasked)
     hand = Hand(page)
+    assert page.locator(".q-dialog").count() == 0, "the pose by edges needs no answer"
+    hand.photo(BOARD[0])
     page.wait_for_selector("text=Where did the scanner stand?")
     assert [field.input_value() for field in page.locator(".q-dialog input").all()] == ["0", "0", "0"]
     hand.shot("8-scanner")
     page.get_by_role("button", name="There", exact=True).click()
     page.wait_for_selector("text=Scanner: 0, 0, 0")
     hand.wait("!document.querySelector('.q-dialog')")
-    hand.photo(DOOR[0])
-    hand.wait_for_rows(1)
-    hand.cloud(DOOR[1])
+    hand.cloud(BOARD[1])
     hand.wait_for_points(1)
     page.keyboard.press("Control+s")
     page.wait_for_selector("text=Saved scene.yaml")
     assert "sensor_origin: [0.0, 0.0, 0.0]" in (tmp_path / "scene.yaml").read_text(encoding="utf-8")
     page.get_by_role("button", name="Scanner: 0, 0, 0").click()
     page.locator(".q-dialog input").first.fill("1.5")
-    before = page.locator(".pv img").nth(1).get_attribute("src")
+    before = page.locator(".pv-picture").nth(1).get_attribute("src")
     page.get_by_role("button", name="There", exact=True).click()
     page.wait_for_selector("text=Scanner: 1.5, 0, 0")
-    hand.wait(f"document.querySelectorAll('.pv img')[1].getAttribute('src') != '{before}'")
+    hand.wait(f"document.querySelectorAll('.pv-picture')[1].getAttribute('src') != '{before}'")
     hand.shot("9-scanner-moved")
     assert odd == []
 
@@ -348,6 +350,44 @@ def polygon(hand: Hand, corners: list[tuple[float, float]]) -> None:
     for corner in corners:
         hand.photo(corner)
     hand.page.keyboard.press("Enter")
+
+
+@pytest.fixture
+def edges(tmp_path: Path) -> Iterator[str]:
+    """The address of a page on a made-up photo and cloud."""
+    world = made_world(5)
+    Image.fromarray(world.photo).save(tmp_path / "photo.png")
+    write_ply(tmp_path / "scan.ply", Cloud.from_points(world.points, intensity=world.intensity))
+    (tmp_path / "cameras.txt").write_text("1 PINHOLE 480 320 260 260 240 160\n", encoding="utf-8")
+    yield from started(["--image", "photo.png", "--camera", "cameras.txt", "--cloud", "scan.ply"], tmp_path)
+
+
+def test_a_pose_without_a_region_is_seen_over_the_photo_and_saved(edges: str, browser: Any, tmp_path: Path) -> None:
+    page, odd = opened(browser, edges)
+    hand = Hand(page)
+    hand.wait_for_pose()
+    page.locator(".rp-up").get_by_role("button", name="z", exact=True).click()
+    page.wait_for_selector("text=every heading")
+    hand.wait_for_pose()
+    hand.wait("document.querySelector('.pv-over') && document.querySelector('.pv-over').naturalWidth == 480")
+    assert page.locator(".pv-over").get_attribute("src").startswith("files/depth.jpg")
+    hand.shot("13-edges")
+    opacity = "getComputedStyle(document.querySelector('.pv-over')).opacity"
+    before = float(page.evaluate(opacity))
+    page.locator(".rp-depth .q-slider").focus()
+    page.keyboard.press("ArrowLeft")
+    hand.wait(f"{opacity} < {before - 0.01}")
+    page.keyboard.press("d")
+    hand.wait("!document.querySelector('.pv-over')")
+    page.keyboard.press("Control+s")
+    page.wait_for_selector("text=Saved scene.yaml")
+    shown = np.array([float(word) for word in page.locator(".rp-matrix").inner_text().split()]).reshape(3, 4)
+    command = [sys.executable, "-m", "regionpose", "estimate", "scene.yaml", "--quiet", "--json"]
+    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    matrix = np.array(json.loads(ended.stdout)["camera_from_world"]["matrix"])
+    np.testing.assert_allclose(matrix[:3], shown, atol=6e-6)
+    np.testing.assert_allclose(matrix, made_world(5).pose.matrix, atol=0.05)
+    assert odd == []
 
 
 def test_the_server_answers_nobody_else(server: str) -> None:
