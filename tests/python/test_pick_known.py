@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from pick_sessions import demo_session
 from pydantic import ValidationError
+from regionpose.cli.prior_options import Mount, prior_values
 from regionpose.pick.known import Known, initial_pose, looking
+from regionpose.pick.scene_text import scene_of
 from regionpose.pick.session import Session
 from regionpose.scene import SceneError, load_scene
 from regionpose.scene.known import scene_prior
@@ -51,6 +53,24 @@ def test_what_is_known_is_saved_and_read_again(session: Session, tmp_path: Path)
     again = Session.open(tmp_path / "scene.yaml").known
     assert again.up == known.up and again.near_sigma_m == 0.5 and again.ahead is not None
     np.testing.assert_allclose(again.ahead, np.sqrt([0.5, 0.5, 0.0]), atol=1e-8)
+
+
+def test_a_mount_says_where_the_camera_stands_once(session: Session) -> None:
+    given = prior_values("0.4", "z", Mount.left)
+    session.set_prior(given)
+    known = session.known
+    assert not known.is_anywhere and known.ahead == pytest.approx((0.0, 1.0, 0.0)) and known.ahead_sigma_deg == 20.0
+    session.set_known(known)
+    scene = scene_of(session.path, session.values())
+    prior = scene_prior(scene, sensor_origin(scene, session.cloud))
+    assert prior.camera_near is None and prior.initial_center_sigma_m == 0.4
+    session.set_known(replace(known, near=(0.1, 0.0, 0.0)))
+    scene = scene_of(session.path, session.values())
+    assert scene_prior(scene, sensor_origin(scene, session.cloud)).camera_near == (0.1, 0.0, 0.0)
+    session.set_known(Known(is_anywhere=True))
+    assert session.known.is_anywhere
+    with pytest.raises(SceneError, match="prior: up"):
+        session.set_prior({"up": [0.0, 0.0, 0.0]})
 
 
 def test_an_initial_pose_of_the_file_stays_where_nothing_else_is_said_of_it(session: Session) -> None:

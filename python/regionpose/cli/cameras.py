@@ -112,6 +112,7 @@ HEADINGS = ("camera", "verdict", "quat_xyzw", "translation, m", "sigma, deg", "s
 
 def _say(outcomes: Mapping[str, Outcome | Failed], out: Path) -> None:
     """A table of all cameras (camera_from_world, the largest standard deviations), and their warnings."""
+    from regionpose.scene.searched import vector_text
     from regionpose.scene.verdict import verdict
 
     rows, remarks = [HEADINGS], list[str]()
