@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import regionpose as rp
+from commands import run
 from made_up_worlds import World, made_world, pose_of
 from PIL import Image
 from regionpose.alignment import pose_search
@@ -21,6 +22,7 @@ from regionpose.clouds import Cloud, write_ply
 from regionpose.estimation.answer import Alternative
 from regionpose.pick.desk import Desk
 from regionpose.pick.frames import Frames
+from regionpose.pick.known import Known
 from regionpose.pick.outcome import Outcome
 from regionpose.pick.session import Session
 from regionpose.pick.texts import outcome_html
@@ -379,3 +381,53 @@ def test_frames_far_from_zero_share_one_origin(drive: Path, worlds: list[World])
     assert_right(run.estimate.pose, truth)
     origins = {tuple(sides.origin) for sides in run.frames}
     assert len(origins) == 1
+
+
+# The command.
+
+
+def pick_words(drive: Path) -> list[str]:
+    files = {"--image": drive / "0001.png", "--camera": drive.parent / "cameras.txt", "--cloud": drive / "0001.ply"}
+    return [str(word) for pair in files.items() for word in pair]
+
+
+@pytest.mark.parametrize("is_folder", [False, True])
+def test_the_options_of_calibrate_narrow_the_search(
+    drive: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], is_folder: bool
+) -> None:
+    held: list[Session] = []
+
+    def served(desk: Desk, **_: Any) -> None:
+        desk.close()
+        held.append(desk.session)
+
+    monkeypatch.setattr("regionpose.pick.server.serve", served)
+    place = [str(drive), "--camera", str(drive.parent / "cameras.txt")]
+    scene = place if is_folder else [str(drive.parent / "scene.yaml"), *pick_words(drive)]
+    code, _, errors = run(capsys, "pick", *scene, "--up", "-y", "--near", "0,0,1,0.3", "--quiet")
+    assert (code, errors) == (0, "")
+    session = held[0]
+    assert session.known == Known(near=(0.0, 0.0, 1.0), near_sigma_m=0.3, up=(0.0, -1.0, 0.0), up_sigma_deg=5.0)
+    prior = session.edge_values()["prior"]
+    assert prior["up"] == [0.0, -1.0, 0.0] and prior["camera_near_sigma_m"] == 0.3 and session.is_changed
+
+
+WRONG = [
+    ("--up", "north"),
+    ("--up", "0,0,0"),
+    ("--near", "close"),
+    ("--near=0,0,0,-1",),
+    ("--near", "0.3"),  # Of a cloud whose scanner is not known.
+    ("--mount", "top"),
+]
+
+
+@pytest.mark.parametrize("words", WRONG)
+def test_options_that_are_wrong_are_named(
+    drive: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    scene = drive.parent / "scene.yaml"
+    code, out, errors = run(capsys, "pick", scene, *pick_words(drive), *words, "--quiet")
+    assert code == 2 and out == "" and "Traceback" not in errors
+    assert words[0].partition("=")[0] in " ".join(errors.split()), errors
+    assert not scene.exists()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -62,7 +62,7 @@ def pick(
             scene, {"--image": image, "--camera": camera, "--cloud": cloud}, names_of(columns), demo, progress.stages
         )
         if prior:
-            session.set_prior(prior)
+            _narrow(session, prior)
         if segmenter is not None:
             session.segmenter = load_segmenter(segmenter)
         progress.begin(f"pictures of {len(session.cloud)} points")
@@ -72,6 +72,18 @@ def pick(
     finally:
         # Pages are thousands of objects in circles each, which Python looks through at its end: minutes for many pages.
         gc.freeze()
+
+
+def _narrow(session: Session, prior: dict[str, Any]) -> None:
+    """Say in a session what options say of the pose; ValueError that names them."""
+    if prior.get("camera_near_sigma_m") is not None and "camera_near" not in prior and session.scanner is None:
+        found = "found a deviation, but the scanner's place is not known"
+        raise ValueError(f"--near: {found}; needed x,y,z,sigma, or the key sensor_origin in the scene")
+    try:
+        session.set_prior(prior)
+    except ValueError as error:
+        message = str(error).removeprefix(f"{session.path}: ")
+        raise ValueError(f"--near, --up or --mount: {message}") from error
 
 
 def _session(
