@@ -9,11 +9,14 @@ size in the photo, and stops at the first trusted pose. Of each face
    Shift-click on the corner at its end, which is counted already.
 2. a Shift-drag around its points in the range image, halfway to the next ones.
 
+With `--edges` the user first looks at the pose by edges, as the page opens with it, then says by a click that the
+camera is upright, and marks faces only where neither is trusted.
+
 Each click and each drag counts, and so does that on the scanner's place; the keys that choose a tool don't. It is done
 with the calls that the page makes for each. A line each: clicks and drags, faces, verdict, errors of rotation and of
 the camera's center, and the warnings. Then the share of frames whose pose is trusted within 20.
 
-    python -m benchmarks.picking [--data ../shared/data] [--only natural kitti]
+    python -m benchmarks.picking [--edges] [--data ../shared/data] [--only natural kitti]
 """
 
 from __future__ import annotations
@@ -29,6 +32,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from regionpose.pick.known import UPRIGHT_SIGMA_DEG, Known
 from regionpose.pick.range_view import PIXELS_PER_SPACING, RangeView
 from regionpose.pick.session import Session
 from regionpose.pose import Pose
@@ -43,6 +47,9 @@ Plain = dict[str, Any]
 MOST_CLICKS = 20
 OWN_PX, HIDDEN_PX = 1.0, 2.0
 """Pixels to which a drawn outline follows a face's own edges, which a loupe shows, and a hand's drag the others."""
+
+UPRIGHT = Known(up=(0.0, 0.0, 1.0), up_sigma_deg=UPRIGHT_SIGMA_DEG)
+"""What the user knows of a car's camera, in the frame of its scanner."""
 
 HALFWAY_PX = 0.5 * PIXELS_PER_SPACING
 """Pixels of the range image between a face's points and the outline drawn around them: halfway to the next ones."""
@@ -161,18 +168,31 @@ def frames(data: Path, kinds: list[str]) -> Iterator[Path]:
                 yield path.parent
 
 
-def picked(folder: Path, out: Path) -> Row:
-    """What clicks on a frame lead to."""
+def by_edges(user: User, truth: Pose) -> Row:
+    """What the page opens with, or, where that is not trusted, what it shows once the direction up is known."""
+    session = user.session
+    row = row_of(user, session.estimate_edges(session.edge_values()), truth)
+    if row.level == TRUSTED:
+        return row
+    session.set_known(UPRIGHT)
+    user.clicks += 1
+    return row_of(user, session.estimate_edges(session.edge_values()), truth)
+
+
+def picked(folder: Path, out: Path, *, edges: bool = False) -> Row:
+    """What clicks on a frame lead to; `edges`: whether the pose by edges is looked at first."""
     session = Session.create(
         out / "scene.yaml", image=folder / "image.png", camera=camera_info(folder, out), cloud=cloud_file(folder)
     )
     scanner = np.zeros(3) if session.scan.scanner is None else session.scan.scanner
     user = User(session, RangeView.of(session.cloud, scanner))
+    calibration = json.loads((folder / "calib.json").read_text())
+    truth = Pose.from_parts(calibration["R"], calibration["t"])
+    if edges and (row := by_edges(user, truth)).level == TRUSTED:
+        return row
     if session.asks_for_scanner:
         user.clicks += 1
         session.set_scanner([0.0, 0.0, 0.0])
-    calibration = json.loads((folder / "calib.json").read_text())
-    truth = Pose.from_parts(calibration["R"], calibration["t"])
     faces = json.loads((folder / "regions.json").read_text())
     rows = []
     for face in sorted(faces, key=lambda each: -shapely.Polygon(each["image_polygon"]).area):
@@ -195,11 +215,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=DEFAULT_DATA)
     parser.add_argument("--only", nargs="+", default=["kitti", "natural"], help="kinds of scenes")
+    parser.add_argument("--edges", action="store_true", help="look at the pose by edges first")
     options = parser.parse_args()
     reached = []
     for folder in frames(options.data, options.only):
         with tempfile.TemporaryDirectory() as place:
-            row = picked(folder, Path(place))
+            row = picked(folder, Path(place), edges=options.edges)
         reached.append(row.is_reached)
         name = "/".join(folder.parts[-2:])
         errors = f"{row.rotation_deg:7.3f} deg {row.center_m:7.3f} m"
