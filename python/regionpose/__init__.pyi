@@ -55,6 +55,9 @@ from .sanity import check_camera as check_camera
 from .sanity import check_regions as check_regions
 from .scene import estimate_scene as estimate_scene
 from .scene import load_scene as load_scene
+from .scene.confirmed import ConfirmedRegion as ConfirmedRegion
+from .scene.confirmed import ConfirmedRegions as ConfirmedRegions
+from .scene.confirmed import confirmed_regions as confirmed_regions
 from .segmentation.cloud import grow_plane as grow_plane
 from .segmentation.image import grow_image_region as grow_image_region
 from .segmentation.masks import mask_from_file as mask_from_file

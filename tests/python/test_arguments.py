@@ -42,7 +42,7 @@ GIVEN: dict[str, Any] = {
     "world_regions": [WORLD],
 }
 
-GIVEN_TO: dict[str, dict[str, Any]] = {"calibrate": {"frames": [FRAME]}}
+GIVEN_TO: dict[str, dict[str, Any]] = {"calibrate": {"frames": [FRAME]}, "confirmed_regions": {"frame": FRAME}}
 """What a function is given instead under names that mean something else elsewhere."""
 
 OBJECTS: dict[type, object] = {

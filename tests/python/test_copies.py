@@ -59,6 +59,7 @@ def public_objects() -> dict[str, list[Any]]:
     calibration = rp.calibrate([rp.SceneFrame(demo.image, demo.points[::4], demo.camera, outlines, None, polygons)])
     objects: list[Any] = [
         *(calibration, scene, rig, matches, *outlines, *polygons, whole),
+        rp.ConfirmedRegions((rp.ConfirmedRegion("plane 1", outlines[0], polygons[0], members, 3.0, 0.5),), 2, 3.0),
         rp.read_cloud(folder() / "cloud.ply"),
         rp.SceneFrame(demo.image, few, demo.camera),
         rp.Prior(camera_near=pose.camera_center, camera_near_sigma_m=0.5),

@@ -259,7 +259,7 @@ UNITLESS = {
     "xi omega polynomial center stretch ss cde": "camera models' own coefficients",
     "tolerance": "differences of colors",
     "column": "a coordinate of pixels",
-    "depth_tolerance mesh_size overlap_error disturbed_share": "shares",
+    "depth_tolerance mesh_size overlap_error disturbed_share shown_share": "shares",
     "factor": "of focal lengths",
     "confidence confidence_before share score log_odds chance sigmas": "probabilities and their like",
     "lead log_mass log_ratio": "logarithms of odds",

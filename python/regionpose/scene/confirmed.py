@@ -1,0 +1,261 @@
+"""Planes of a cloud whose borders a photo confirms at a pose, as regions of both (docs/math.md, section 20)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from regionpose.alignment import SceneFrame
+from regionpose.arguments import checked_arguments
+from regionpose.arrays import KeptArrays, check_coordinates, finite_array, row_array
+from regionpose.estimation.answer import PoseError, PoseEstimate
+from regionpose.estimation.options import Solver
+from regionpose.estimation.prior import Prior
+from regionpose.estimation.rig import Frame, estimate_rig
+from regionpose.estimation.single import estimate_pose
+from regionpose.pose import Pose
+from regionpose.progress import Progress, check_wanted, part
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.world import WorldRegion
+from regionpose.scene.border_fit import BorderFit, fitted, joint_log_odds
+from regionpose.scene.plane_borders import Outline, View, outlines
+from regionpose.segmentation.planes import find_planes
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+LEAST_LOG_ODDS = float(np.log(9.0))
+"""Logarithm of the odds from which on a border is confirmed: a convention, 90 %."""
+
+LEAST_HELD = 0.02
+"""Least that shown sides determine of a border's place and size (`BorderFit.held`): a twenty-fifth of a circle that is
+shown all around. With less, as of two sides, size and place are one, and poses by such regions are off by more than
+three of their standard deviations (`python -m benchmarks.confirmed_regions --held 0`)."""
+
+LEAST_SHOWN = 0.1
+"""Share of a border that is shown at the least."""
+
+PARALLEL_SINE = 0.35
+"""Sine of the angle between two sides below which they have no corner: 20 degrees."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ConfirmedRegion(KeptArrays):
+    """A plane of a cloud whose border a photo confirms at a pose.
+
+    Parameters
+    ----------
+    name : str
+        `plane 1` and so on, that of the most points first.
+    image : ImageRegion
+        The border, its shown sides moved onto the photo's edges; the others are hidden edges.
+    world : WorldRegion
+        Of the plane's points, with what the scan shows beside them.
+    indices : (n,) array of int
+        Of these points, ascending.
+    log_odds : float
+        Logarithm of the odds that the border lies on edges of the photo by more than chance.
+    shown_share : float
+        Share of the border where the photo shows an edge.
+    """
+
+    name: str
+    image: ImageRegion
+    world: WorldRegion
+    indices: Indices
+    log_odds: float
+    shown_share: float
+
+    def __repr__(self) -> str:
+        """Its name, and how well it is confirmed."""
+        shown = f"points={len(self.indices)}, log_odds={self.log_odds:.1f}, shown_share={self.shown_share:.2f}"
+        return f"ConfirmedRegion({self.name!r}, {shown})"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ConfirmedRegions:
+    """The planes of a cloud whose borders a photo confirms at a pose.
+
+    Parameters
+    ----------
+    regions : tuple of ConfirmedRegion
+        The confirmed ones.
+    compared : int
+        How many borders of planes were compared with the photo.
+    log_odds : float
+        Logarithm of the odds that all of these together lie on edges of the photo by more than chance; 0 where none was
+        compared.
+    """
+
+    regions: tuple[ConfirmedRegion, ...]
+    compared: int
+    log_odds: float
+
+    def __repr__(self) -> str:
+        """How many are confirmed."""
+        return f"ConfirmedRegions({len(self.regions)} of {self.compared}, log_odds={self.log_odds:.1f})"
+
+
+@checked_arguments
+def confirmed_regions(
+    frame: SceneFrame,
+    pose: Pose,
+    *,
+    sensor_origin: ArrayLike | None = None,
+    planes: Sequence[ArrayLike] | None = None,
+    progress: Progress | None = None,
+) -> ConfirmedRegions:
+    """The planes of a frame's cloud whose borders its photo confirms at a pose, as regions of both.
+
+    A plane's border is projected with the pose. Where the surface ends there, by the points beside it, its sides are
+    moved onto edges of the photo, by no more than the gap between points. The border is confirmed if it fits these
+    better than at nine of ten turned poses and the shown sides determine its place and size (docs/math.md, section 20).
+
+    Parameters
+    ----------
+    frame : SceneFrame
+        A photo and a cloud.
+    pose : Pose
+        `camera_from_world`, however it was found.
+    sensor_origin : (3,) array, optional
+        Where the scanner stood, meters; without it less is known of where planes end.
+    planes : sequence of (n,) arrays of int, optional
+        Indices of the planes' points, as of `find_planes`; by default those of the points in view.
+    progress : callable, optional
+        Called with the share of the work that is done, 0 to 1.
+
+    Returns
+    -------
+    ConfirmedRegions
+
+    Raises
+    ------
+    ValueError
+        For points or a place of another shape, and indices that are no points of the cloud.
+    """
+    scanner = None if sensor_origin is None else finite_array(sensor_origin, "sensor_origin", (3,))
+    points = row_array(frame.points, "points", 3)
+    check_coordinates(points)
+    view, report = View(frame, points, pose, scanner), progress or (lambda share: None)
+    if planes is None:
+        near = points[view.numbers]
+        found = find_planes(near, progress=part(progress, 0.0, 0.8)) if len(near) >= 3 else []
+        members = [view.numbers[indices] for indices in found]
+    else:
+        members = [_checked_indices(indices, number, len(points)) for number, indices in enumerate(planes)]
+    surfaces = outlines(points, members, scanner)
+    pairs = [pair for pair in _fits(view, surfaces) if pair is not None]
+    report(0.9)
+    confirmed: list[ConfirmedRegion] = []
+    for surface, fit in pairs:
+        region = _region(view, surface, fit, scanner, f"plane {len(confirmed) + 1}")
+        confirmed += [] if region is None else [region]
+    report(1.0)
+    return ConfirmedRegions(tuple(confirmed), len(pairs), joint_log_odds([fit for _, fit in pairs]))
+
+
+def region_pose(
+    frames: Sequence[tuple[SceneFrame, ConfirmedRegions]], prior: Prior | None = None, solver: Solver | None = None
+) -> PoseEstimate | None:
+    """The pose by the confirmed regions of one or several frames of a rig alone, as of `estimate_pose`; None where
+    there are none, or no pose shows them all.
+    """
+    camera = frames[0][0].camera if frames else None
+    given = [
+        Frame([each.image for each in found.regions], [each.world for each in found.regions], name=f"{number}")
+        for number, (_, found) in enumerate(frames, start=1)
+        if found.regions
+    ]
+    if camera is None or not given:
+        return None
+    try:
+        if len(given) == 1:
+            return estimate_pose(camera, given[0].image_regions, given[0].world_regions, prior=prior, solver=solver)
+        return estimate_rig(camera, given, prior=prior, solver=solver).estimate
+    except PoseError:
+        return None
+
+
+def pose_distance(one: PoseEstimate, other: PoseEstimate) -> float:
+    """How far apart two estimates are, in standard deviations of both together (Mahalanobis distance of six
+    parameters); NaN where these are not finite.
+    """
+    covariance = one.covariance + other.covariance
+    if not np.isfinite(covariance).all():
+        return float("nan")
+    way = one.pose.increment_to(other.pose)
+    return float(np.sqrt(way @ np.linalg.solve(covariance, way)))
+
+
+def _checked_indices(indices: ArrayLike, number: int, count: int) -> Indices:
+    given = np.asarray(indices)
+    if given.ndim != 1 or given.dtype.kind not in "iu":
+        raise ValueError(f"planes {number} is {given.dtype} of shape {given.shape}; needed indices (n,)")
+    if len(given) and (given.min() < 0 or given.max() >= count):
+        raise ValueError(f"planes {number} has indices {given.min()} to {given.max()}; needed 0 to {count - 1}")
+    return np.unique(given).astype(np.intp)
+
+
+def _fits(view: View, surfaces: Sequence[Outline]) -> list[tuple[Outline, BorderFit] | None]:
+    """Each surface with the fit of its border, None of those that the photo shows too little of."""
+    found: list[tuple[Outline, BorderFit] | None] = []
+    for index, surface in enumerate(surfaces):
+        check_wanted()
+        border = view.border(surface, [*surfaces[:index], *surfaces[index + 1 :]])
+        fit = None if border is None else fitted(view.frame.photo, view.frame.camera, border, view.gap_px)
+        found.append(None if fit is None else (surface, fit))
+    return found
+
+
+def _region(view: View, surface: Outline, fit: BorderFit, scanner: Array | None, name: str) -> ConfirmedRegion | None:
+    """The region of a border that is confirmed; None of others."""
+    if fit.log_odds < LEAST_LOG_ODDS or fit.held < LEAST_HELD or fit.shown_share < LEAST_SHOWN:
+        return None
+    try:
+        image = _image_region(view, fit)
+        world = WorldRegion.from_scan(view.points, surface.members, sensor_origin=scanner)
+    except ValueError:
+        # Sides that cross once they are moved, or points that show no outline.
+        return None
+    return ConfirmedRegion(name, image, world, surface.members, fit.log_odds, fit.shown_share)
+
+
+def _image_region(view: View, fit: BorderFit) -> ImageRegion:
+    """The border with its shown sides on the photo's edges; ValueError where they cross."""
+    photo, border, shown = view.frame.photo, fit.border, fit.is_shown
+    ring, steps = border.ring, np.roll(border.ring, -1, axis=0) - border.ring
+    normals = np.column_stack([steps[:, 1], -steps[:, 0]]) / np.linalg.norm(steps, axis=1)[:, None]
+    offsets = np.where(shown[:, None], fit.offsets, 0.0)
+    starts, ends = ring + offsets[:, :1] * normals, ring + steps + offsets[:, 1:] * normals
+    vertices = np.array(
+        [
+            _corner(starts[side - 1], ends[side - 1], starts[side], ends[side])
+            if shown[side - 1] and shown[side]
+            else ends[side - 1]
+            if shown[side - 1]
+            else starts[side]
+            for side in range(len(ring))
+        ]
+    )
+    last = np.array(photo.luminance.shape[::-1]) - 0.5
+    pixels = photo.pixels(np.clip(vertices, -0.5, last))
+    # The sides of a panorama are no border of it.
+    is_hidden = ~shown if view.frame.camera.period is not None else ~(shown | border.is_cut)
+    return ImageRegion.from_polygon(pixels, hidden_edges=np.flatnonzero(is_hidden).tolist())
+
+
+def _corner(start: Array, end: Array, following_start: Array, following_end: Array) -> Array:
+    """Where two sides that follow one another meet; the middle between their ends where they are nearly parallel, or
+    meet far from these.
+    """
+    one, other, between = end - start, following_end - following_start, following_start - start
+    sine = float(one[0] * other[1] - one[1] * other[0])
+    middle = np.asarray(0.5 * (end + following_start))
+    if abs(sine) < PARALLEL_SINE * float(np.linalg.norm(one) * np.linalg.norm(other)):
+        return middle
+    corner = start + float(between[0] * other[1] - between[1] * other[0]) / sine * one
+    near = 3.0 * float(np.linalg.norm(end - following_start)) + 1.0
+    return corner if np.linalg.norm(corner - middle) < near else middle
