@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from regionpose.scene.folder import FolderOptions, pair_scene
 from regionpose.scene.verdict import DOUBTFUL, verdict
 from regionpose.yaml_text import to_yaml
 from scene_files import PLATES
+from scene_files import write_scene as write_plates
 
 LENS = {"model": "pinhole", "fx": 260.0, "fy": 260.0, "cx": 239.5, "cy": 159.5, "width": 480, "height": 320}
 COLMAP = "1 PINHOLE 480 320 260 260 240 160\n"
@@ -148,8 +150,11 @@ def test_all_files_of_a_scene_without_regions_are_written(pair: Path) -> None:
     out.mkdir()
     files = bundle(run_, Stages(), folder=out)
     assert run_.estimate.alternatives
-    assert files.writers.keys() == set(file_names(scene))
-    assert file_names(scene) == ["result.json", "report.html", "depth.png", "edges.png", "runner_up.png", "cloud.ply"]
+    assert run_.regions_found is not None
+    planes = {"planes.png", "regions.png", "regions.npy"}
+    assert files.writers.keys() == set(file_names(scene)) - (set() if run_.regions_found.names else planes)
+    pictures = ["depth.png", "edges.png", "runner_up.png", "planes.png"]
+    assert file_names(scene) == ["result.json", "report.html", *pictures, "regions.png", "regions.npy", "cloud.ply"]
     for name, write in files.writers.items():
         write(out / name)
     for name in ("depth.png", "edges.png", "runner_up.png"):
@@ -162,6 +167,42 @@ def test_all_files_of_a_scene_without_regions_are_written(pair: Path) -> None:
     assert "edges that the photos show" in report and "<h2>Regions</h2>" not in report
     assert "noise of the contours" not in report and report.count("data:image/jpeg") >= 3
     assert json.loads((out / "result.json").read_text(encoding="utf-8"))["verdict"]["level"] in {"check", "doubtful"}
+
+
+def test_confirmed_planes_are_regions_of_a_scene_file(pair: Path) -> None:
+    run_ = estimate_scene(load_scene(write_scene(pair)))
+    assert run_.names == () and run_.regions_found is not None
+    files = bundle(run_, Stages(), folder=pair)
+    for name in ("planes.png", "regions.png", "regions.npy"):
+        files.writers[name](pair / name)
+    held = json.loads(json.dumps(files.result["confirmed_regions"], allow_nan=False))
+    [frame] = held["frames"]
+    assert len(frame["regions"]) >= 3 and frame["compared"] >= len(frame["regions"])
+    assert frame["log_odds"] >= np.log(9.0)
+    labels, points = np.asarray(Image.open(pair / "regions.png")), np.load(pair / "regions.npy")
+    assert labels.shape == (320, 480) and points.shape == (38_400,)
+    for number, region in enumerate(frame["regions"], start=1):
+        assert np.count_nonzero(points == number) == region["cloud_points"]
+        assert np.count_nonzero(labels == number) > 0.5 * region["image_area_px"]
+        assert region["world"] == {"points": "regions.npy", "label": number}
+    items = [{key: region[key] for key in ("name", "image", "world")} for region in frame["regions"]]
+    again = load_scene(write_scene(pair, regions=items, sensor_origin=[0.0, 0.0, 0.0], solver={"witness": False}))
+    found = estimate_scene(again)
+    assert found.names == tuple(region["name"] for region in frame["regions"])
+    matrix = held["pose"]["camera_from_world"]["matrix"]
+    assert np.allclose(found.estimate.pose.matrix, matrix, atol=0.02)
+    assert 0.0 <= held["pose"]["distance_sigmas"] < 4.5
+    assert held["pose"]["warnings"] == [] or all(one["code"] for one in held["pose"]["warnings"])
+
+
+def test_confirmed_planes_do_not_change_the_verdict(pair: Path) -> None:
+    run_ = estimate_scene(load_scene(write_scene(pair)))
+    assert verdict(run_) == verdict(replace(run_, regions_found=None))
+
+
+def test_scenes_with_regions_confirm_no_planes(tmp_path: Path) -> None:
+    run_ = estimate_scene(load_scene(write_plates(tmp_path)))
+    assert run_.regions_found is None and scene_result(run_)["confirmed_regions"] is None
 
 
 def test_what_was_assumed_is_in_the_result(pair: Path) -> None:
@@ -311,7 +352,8 @@ def test_a_folder_without_regions_is_calibrated(drive: Path, capsys: pytest.Capt
     assert re.search(r"searched: within 0\.3 m \(1 sigma\) of \[0\.00, 0\.00, 0\.00\] m; every heading", told)
     assert re.search(r"\d+ edges; odds e\^-?\d+\.\d over chance, ", told)
     assert "overlap error" not in told and "The edges of 2 clouds lie on those of their photos" in told
-    assert {"depth_1.png", "depth_2.png", "edges_1.png", "cloud_2.ply", "report.html"} <= {
+    assert re.search(r"planes confirmed in 0001: \d+ of \d+; odds of all borders e\^", told)
+    assert {"depth_1.png", "depth_2.png", "edges_1.png", "cloud_2.ply", "report.html", "regions_2.npy"} <= {
         p.name for p in out.iterdir()
     }
     held = written_scene(out)

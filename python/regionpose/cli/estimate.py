@@ -122,6 +122,7 @@ def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> Non
         say_rows([(region["name"], _known_by(region)) for region in result["regions"]])
         _say_frames(result)
     _say_search(result)
+    _say_planes(result)
     _say_known(result)
     _say_truth(result)
     judged = verdict(run)
@@ -219,6 +220,22 @@ def _say_search(result: dict[str, Any]) -> None:
     if found["regions"] is None:
         typer.echo(f"searched: {searched_text(found)}")
     typer.echo(odds_text(found))
+
+
+def _say_planes(result: dict[str, Any]) -> None:
+    """Which planes photos confirm at a pose by edges, and how far the pose by these alone is."""
+    confirmed = result["confirmed_regions"]
+    if confirmed is None:
+        return
+    for frame in confirmed["frames"]:
+        where = f" in {frame['frame']}" if "frame" in frame else ""
+        count = f"{len(frame['regions'])} of {frame['compared']}"
+        typer.echo(f"planes confirmed{where}: {count}; odds of all borders e^{frame['log_odds']:.1f} over chance")
+    pose = confirmed["pose"]
+    if pose is not None and pose["distance_sigmas"] is not None:
+        turn, shift = max(pose["rotation_sigma_deg"]), max(pose["translation_sigma_m"])
+        known = f"1 sigma {angle_text(turn)} and {length_text(shift)}"
+        typer.echo(f"pose by these planes alone ({known}): {pose['distance_sigmas']:.1f} standard deviations away")
 
 
 def _say_known(result: dict[str, Any]) -> None:

@@ -18,9 +18,12 @@ from regionpose.pictures.overlays import overlay_depth, overlay_edges, overlay_r
 from regionpose.pictures.png import save_png
 from regionpose.pictures.splat import splatted, viewpoints
 from regionpose.pose import Pose
+from regionpose.scene.confirmed import RegionCheck
 from regionpose.scene.estimate import SceneEstimate, frame_label
 from regionpose.scene.known import given_pose
 from regionpose.scene.loading import Scene, has_pairs
+from regionpose.scene.region_files import REGION_LABELS, region_files
+from regionpose.scene.region_values import REGION_POINTS, numbered
 from regionpose.scene.report import Figure, Report, report_html
 from regionpose.scene.result import scene_result
 from regionpose.scene.stages import Stages
@@ -30,6 +33,7 @@ Colors = NDArray[np.uint8]
 
 RESULT, REPORT, OVERLAY, BEFORE = "result.json", "report.html", "overlay.png", "overlay_before.png"
 DEPTH, EDGES, RUNNER_UP, CLOUD = "depth.png", "edges.png", "runner_up.png", "cloud.ply"
+PLANES = "planes.png"
 
 EDGES_CAPTION = (
     "Where the cloud's surfaces end before farther ones, away from the regions: green where an edge of the photo"
@@ -38,6 +42,11 @@ EDGES_CAPTION = (
 
 RUNNER_UP_CAPTION = (
     "The same at the next likeliest pose: if it fits the photo better, the pose is wrong; if as well, it is ambiguous."
+)
+
+PLANES_CAPTION = (
+    "Planes of the cloud whose borders the photo confirms: on its edges (blue), and projected with the pose (orange)."
+    " Beside the names: the log odds against chance."
 )
 
 UNSEEN = 0.35
@@ -65,23 +74,17 @@ def file_names(scene: Scene) -> list[str]:
     return [
         RESULT,
         REPORT,
-        *(_numbered(n, k, len(frames)) for k, each in enumerate(frames) for n in _frame_names(each)),
+        *(numbered(n, k, len(frames)) for k, each in enumerate(frames) for n in _frame_names(each)),
     ]
 
 
 def _frame_names(scene: Scene) -> list[str]:
     """The names of the files of one frame, before they are numbered."""
     if not has_pairs(scene):
-        return [DEPTH, EDGES, RUNNER_UP, CLOUD]
+        return [DEPTH, EDGES, RUNNER_UP, PLANES, REGION_LABELS, REGION_POINTS, CLOUD]
     before = [] if given_pose(scene) is None else [BEFORE]
     edges = [EDGES] if scene.model.solver.edges else []
     return [OVERLAY, *before, *([DEPTH, *edges, CLOUD] if scene.model.cloud is not None else [])]
-
-
-def _numbered(name: str, index: int, count: int) -> str:
-    """A file's name with the number of its frame, from 1, where there are several: frames' names may hold anything."""
-    stem, dot, ending = name.rpartition(".")
-    return name if count == 1 else f"{stem}_{index + 1}{dot}{ending}"
 
 
 def read_truth(path: Path) -> Truth:
@@ -133,7 +136,7 @@ class FrameFiles(NamedTuple):
 def _frame_files(view: SceneEstimate, index: int, count: int, stages: Stages) -> FrameFiles:
     """The files of one frame of `count`; the seconds of its pictures are added to `stages`."""
     with stages.within(frame_label(view.sides.scene, index, count)):
-        return _drawn_files(view, partial(_numbered, index=index, count=count), stages)
+        return _drawn_files(view, partial(numbered, index=index, count=count), stages)
 
 
 def _drawn_files(view: SceneEstimate, numbered: Callable[[str], str], stages: Stages) -> FrameFiles:
@@ -142,6 +145,7 @@ def _drawn_files(view: SceneEstimate, numbered: Callable[[str], str], stages: St
     writers: dict[str, Callable[[Path], object]] = {
         name: partial(save_png, picture=figure.picture) for name, figure in drawn.items()
     }
+    writers |= {numbered(name): writer for name, writer in region_files(view).items()}
     solids: list[Figure] = []
     if view.sides.cloud is not None:
         with stages.stage("colors"):
@@ -176,7 +180,17 @@ def pictures(run: SceneEstimate) -> dict[str, Figure]:
         made[RUNNER_UP] = Figure(
             overlay_depth(sides.image, sides.camera, other, sides.cloud.local_points), RUNNER_UP_CAPTION
         )
+    if run.regions_found is not None and run.regions_found.names:
+        made[PLANES] = Figure(_planes_picture(run, run.regions_found), PLANES_CAPTION)
     return made
+
+
+def _planes_picture(run: SceneEstimate, check: RegionCheck) -> Colors:
+    """The image of one frame with both sides of its confirmed regions."""
+    regions = [region for found in check.frames if found is not None for region in found.regions]
+    labels = [f"{region.name}  {region.log_odds:.1f}" for region in regions]
+    images, worlds = [region.image for region in regions], [region.world for region in regions]
+    return overlay_regions(run.sides.image, run.camera, run.local_pose, images, worlds, labels)
 
 
 def _region_pictures(run: SceneEstimate) -> dict[str, Figure]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionpose.alignment import SceneFrame
+from regionpose.alignment import Calibration, SceneFrame
 from regionpose.arguments import checked_arguments
 from regionpose.arrays import KeptArrays, check_coordinates, finite_array, row_array
 from regionpose.estimation.answer import PoseError, PoseEstimate
@@ -17,8 +17,9 @@ from regionpose.estimation.prior import Prior
 from regionpose.estimation.rig import Frame, estimate_rig
 from regionpose.estimation.single import estimate_pose
 from regionpose.pose import Pose
-from regionpose.progress import Progress, check_wanted, part
+from regionpose.progress import Progress, check_wanted, part, told_each
 from regionpose.regions.image import ImageRegion
+from regionpose.regions.outline import sparse_sampling_told_to
 from regionpose.regions.world import WorldRegion
 from regionpose.scene.border_fit import BorderFit, fitted, joint_log_odds
 from regionpose.scene.plane_borders import Outline, View, outlines
@@ -31,9 +32,8 @@ LEAST_LOG_ODDS = float(np.log(9.0))
 """Logarithm of the odds from which on a border is confirmed: a convention, 90 %."""
 
 LEAST_HELD = 0.02
-"""Least that shown sides determine of a border's place and size (`BorderFit.held`): a twenty-fifth of a circle that is
-shown all around. With less, as of two sides, size and place are one, and poses by such regions are off by more than
-three of their standard deviations (`python -m benchmarks.confirmed_regions --held 0`)."""
+"""Least that shown sides determine of a border's place and size (`BorderFit.held`): a convention, a twenty-fifth of a
+circle that is shown all around. Two sides that meet in a corner determine less: size and place are one then."""
 
 LEAST_SHOWN = 0.1
 """Share of a border that is shown at the least."""
@@ -190,6 +190,47 @@ def pose_distance(one: PoseEstimate, other: PoseEstimate) -> float:
     return float(np.sqrt(way @ np.linalg.solve(covariance, way)))
 
 
+@dataclass(frozen=True, eq=False)
+class RegionCheck:
+    """A pose by edges, checked by the planes that photos confirm at it.
+
+    `frames`: of each frame, None of one without a cloud. `estimate`: the pose by these regions alone, None without.
+    `distance`: of both, in standard deviations, NaN without.
+    """
+
+    frames: tuple[ConfirmedRegions | None, ...]
+    estimate: PoseEstimate | None
+    distance: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of all regions, frame after frame."""
+        return tuple(region.name for found in self.frames if found is not None for region in found.regions)
+
+    def of_frame(self, index: int) -> RegionCheck:
+        """What one frame shows; the pose is that of all."""
+        return replace(self, frames=(self.frames[index],))
+
+
+def region_check(
+    frames: Sequence[SceneFrame | None],
+    found: Calibration,
+    *,
+    sensor_origin: ArrayLike | None = None,
+    solver: Solver | None = None,
+    progress: Progress | None = None,
+) -> RegionCheck:
+    """The check of a pose by edges; `frames` and `sensor_origin` as of `calibrate`, which found it."""
+    planes = tuple(
+        None if frame is None else confirmed_regions(frame, found.pose, sensor_origin=sensor_origin, progress=told)
+        for frame, told in told_each(frames, progress)
+    )
+    pairs = [(frame, own) for frame, own in zip(frames, planes, strict=True) if frame is not None and own is not None]
+    estimate = region_pose(pairs, found.prior, solver)
+    distance = float("nan") if estimate is None else pose_distance(estimate, found.estimate)
+    return RegionCheck(planes, estimate, distance)
+
+
 def _checked_indices(indices: ArrayLike, number: int, count: int) -> Indices:
     given = np.asarray(indices)
     if given.ndim != 1 or given.dtype.kind not in "iu":
@@ -216,7 +257,8 @@ def _region(view: View, surface: Outline, fit: BorderFit, scanner: Array | None,
         return None
     try:
         image = _image_region(view, fit)
-        world = WorldRegion.from_scan(view.points, surface.members, sensor_origin=scanner)
+        with sparse_sampling_told_to(lambda _: None):
+            world = WorldRegion.from_scan(view.points, surface.members, sensor_origin=scanner)
     except ValueError:
         # Sides that cross once they are moved, or points that show no outline.
         return None

@@ -25,6 +25,7 @@ from regionpose.pose import Pose
 from regionpose.progress import check_wanted
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
+from regionpose.scene.confirmed import RegionCheck, region_check
 from regionpose.scene.exposure import SceneSides, matched, scene_sides
 from regionpose.scene.known import given_pose, scene_prior, scene_solver
 from regionpose.scene.loading import Scene
@@ -42,7 +43,8 @@ class SceneEstimate:
     `scene`: the whole of it. `frames`: the photos and clouds, one unless the scene has several. `estimate`: of all
     their regions, frame after frame. `seconds` per stage. `fits`, `influence`, `scatter`: how each of several frames
     fits, what the others say without it, and how far frames are off as wholes. `calibration`: what the edges of photos
-    and clouds say, with the regions or without any; None where they were not looked at.
+    and clouds say, with the regions or without any; None where they were not looked at. `regions_found`: the planes that
+    photos confirm at a pose by edges alone; None of others.
     """
 
     scene: Scene
@@ -53,6 +55,7 @@ class SceneEstimate:
     influence: tuple[Influence, ...] = ()
     scatter: FrameScatter | None = None
     calibration: Calibration | None = None
+    regions_found: RegionCheck | None = None
 
     @property
     def sides(self) -> SceneSides:
@@ -83,6 +86,7 @@ class SceneEstimate:
         alignment, found = self.alignments[index], self.calibration
         if found is not None:
             found = replace(found, alignments=() if alignment is None else (alignment,))
+        planes = self.regions_found and self.regions_found.of_frame(index)
         return replace(
             self,
             frames=(self.frames[index],),
@@ -91,6 +95,7 @@ class SceneEstimate:
             influence=(),
             scatter=None,
             calibration=found,
+            regions_found=planes,
         )
 
     @property
@@ -207,9 +212,14 @@ def has_regions(frames: Sequence[SceneSides]) -> bool:
 
 def estimate_edges(scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None) -> SceneEstimate:
     """The one pose of all frames by the edges of their photos and clouds alone, as of `calibrate`."""
-    frames, stages = tuple(given), stages or Stages()
-    found = _calibrated(frames, None, _edge_prior(frames), scene_solver(scene), stages)
-    return SceneEstimate(scene, frames, _in_world(found.estimate, frames), stages.seconds, calibration=found)
+    frames, stages, solver = tuple(given), stages or Stages(), scene_solver(scene)
+    found, scanner = _calibrated(frames, None, _edge_prior(frames), solver, stages), _scanner(frames)
+    with stages.stage("planes"):
+        place = found.prior.camera_near if scanner is None else scanner.place - frames[0].origin
+        seen = scene_frames(frames)
+        planes = region_check(seen, found, sensor_origin=place, solver=solver, progress=stages.progress)
+    estimate = _in_world(found.estimate, frames)
+    return SceneEstimate(scene, frames, estimate, stages.seconds, calibration=found, regions_found=planes)
 
 
 def estimate_regions(scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None) -> SceneEstimate:

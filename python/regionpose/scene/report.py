@@ -66,6 +66,8 @@ def report_html(report: Report) -> str:
         alternative_rows=_alternatives(result["alternatives"]),
         matching=[_matching(held) for held in result["matching"] or ()],
         frame_rows=_frames(result["frames"]),
+        plane_rows=_planes(result["confirmed_regions"]),
+        planes=_plane_words(result["confirmed_regions"]),
         settings=_settings(result),
     )
 
@@ -165,6 +167,44 @@ def _frame(frame: Mapping[str, Any]) -> list[str]:
         _fixed(other["turned_deg"], 3),
         _fixed(_scaled(other["moved_m"], 1000.0), 1),
     ]
+
+
+def _planes(confirmed: Mapping[str, Any] | None) -> list[list[str]]:
+    """The planes that photos confirm, frame after frame."""
+    frames = [] if confirmed is None else confirmed["frames"]
+    return [
+        [
+            f"{frame['frame']}: {region['name']}" if "frame" in frame else region["name"],
+            _fixed(region["log_odds"], 1),
+            _percent(region["shown_share"]),
+            f"{region['image_area_px']:,.0f}",
+            f"{region['world_area_m2']:.4g}",
+            f"{region['cloud_points']:,}",
+        ]
+        for frame in frames
+        for region in frame["regions"]
+    ]
+
+
+def _plane_words(confirmed: Mapping[str, Any] | None) -> list[str]:
+    """How borders of planes fit, and the pose by the confirmed ones alone."""
+    if confirmed is None:
+        return []
+    words = []
+    for frame in confirmed["frames"]:
+        name = f"{frame['frame']}: " if "frame" in frame else ""
+        count = f"{len(frame['regions'])} of {frame['compared']} borders of planes are confirmed"
+        words.append(f"{name}{count}; log odds of all over chance: {_fixed(frame['log_odds'], 1)}.")
+    pose = confirmed["pose"]
+    if pose is not None:
+        turn, shift = _worst(pose["rotation_sigma_deg"]), _worst(pose["translation_sigma_m"])
+        codes = ", ".join(dict.fromkeys(warning["code"] for warning in pose["warnings"]))
+        words.append(
+            f"The pose by these regions alone (1 sigma {angle_text(turn)} and {length_text(shift)}) is"
+            f" {_fixed(pose['distance_sigmas'], 1)} standard deviations from the pose by edges, of six parameters"
+            f" together.{f' Its warnings: {codes}.' if codes else ''}"
+        )
+    return words
 
 
 def _sigmas(result: Mapping[str, Any]) -> list[list[str]]:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from regionpose.alignment import Calibration
 from regionpose.estimation.answer import PoseEstimate
-from regionpose.estimation.warning import PoseWarning
 from regionpose.exporting.view import camera_values
 from regionpose.pose import Pose
 from regionpose.scene.estimate import SceneEstimate
@@ -20,7 +19,9 @@ from regionpose.scene.exposure import SceneSides
 from regionpose.scene.inputs import input_values, versions
 from regionpose.scene.loading import Scene
 from regionpose.scene.paths import relative
+from regionpose.scene.region_values import confirmed_values
 from regionpose.scene.sides import WorldSide
+from regionpose.scene.values import pose_values, warning_values
 from regionpose.scene.verdict import limits
 
 FORMAT = "regionpose result 1"
@@ -75,6 +76,7 @@ def _told_of_fit(run: SceneEstimate) -> dict[str, Any]:
         "disturbed_share": estimate.disturbed_share,
         "scene_agreement": agreement_values(run),
         "edge_search": edge_search_values(run),
+        "confirmed_regions": confirmed_values(run),
         "sensor_origin": sensor_origin_values(run),
         "camera_near": camera_near_values(run),
     }
@@ -123,26 +125,6 @@ def _told_of_run(run: SceneEstimate, folder: Path) -> dict[str, Any]:
         "inputs": input_values(run.scene, folder),
         "versions": versions(),
         "seconds": {name: round(seconds, 4) for name, seconds in run.seconds.items()},
-    }
-
-
-def pose_values(pose: Pose, meaning: str | None = None) -> dict[str, Any]:
-    """A pose as matrix, quaternion and translation (meters)."""
-    values: dict[str, Any] = {} if meaning is None else {"meaning": meaning}
-    values["rotation_matrix"] = pose.rotation.as_matrix()
-    values["quat_xyzw"] = pose.rotation.as_quat(canonical=True)
-    values["translation_m"] = pose.translation
-    values["matrix"] = pose.matrix
-    return values
-
-
-def warning_values(warning: PoseWarning, names: tuple[str, ...]) -> dict[str, Any]:
-    """A warning with the names of its regions."""
-    return {
-        "code": warning.code,
-        "message": warning.message_for(names),
-        "regions": [names[index] for index in warning.regions],
-        "values": dict(warning.values),
     }
 
 

@@ -1,0 +1,28 @@
+"""Poses and warnings as plain values for JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from regionpose.estimation.warning import PoseWarning
+from regionpose.pose import Pose
+
+
+def pose_values(pose: Pose, meaning: str | None = None) -> dict[str, Any]:
+    """A pose as matrix, quaternion and translation (meters)."""
+    values: dict[str, Any] = {} if meaning is None else {"meaning": meaning}
+    values["rotation_matrix"] = pose.rotation.as_matrix()
+    values["quat_xyzw"] = pose.rotation.as_quat(canonical=True)
+    values["translation_m"] = pose.translation
+    values["matrix"] = pose.matrix
+    return values
+
+
+def warning_values(warning: PoseWarning, names: tuple[str, ...]) -> dict[str, Any]:
+    """A warning with the names of its regions."""
+    return {
+        "code": warning.code,
+        "message": warning.message_for(names),
+        "regions": [names[index] for index in warning.regions],
+        "values": dict(warning.values),
+    }
