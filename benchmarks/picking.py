@@ -32,7 +32,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from regionpose.pick.known import UPRIGHT_SIGMA_DEG, Known
+from regionpose.estimation.prior import UP_SIGMA_DEG
+from regionpose.pick.known import Known
 from regionpose.pick.range_view import PIXELS_PER_SPACING, RangeView
 from regionpose.pick.session import Session
 from regionpose.pose import Pose
@@ -48,7 +49,7 @@ MOST_CLICKS = 20
 OWN_PX, HIDDEN_PX = 1.0, 2.0
 """Pixels to which a drawn outline follows a face's own edges, which a loupe shows, and a hand's drag the others."""
 
-UPRIGHT = Known(up=(0.0, 0.0, 1.0), up_sigma_deg=UPRIGHT_SIGMA_DEG)
+UPRIGHT = Known(up=(0.0, 0.0, 1.0), up_sigma_deg=UP_SIGMA_DEG)
 """What the user knows of a car's camera, in the frame of its scanner."""
 
 HALFWAY_PX = 0.5 * PIXELS_PER_SPACING

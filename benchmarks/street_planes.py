@@ -1,11 +1,12 @@
 """Pairs that `world_regions: planes` finds on real frames, where the photo's faces are drawn and the planes are not.
 
 The scenes are folders as of `benchmarks/picking.py`. Each is a scene file whose image regions are the drawn faces with
-their hidden edges, and whose world regions are all planes of the cloud. The right plane of a face is the one that holds
-most of its labeled points, if it holds half of them; "pure" is the share of such a plane's points that are labeled. A
-line each: faces, those with a right plane, pairs found, those that are right, the error of the pose, and its warnings.
+their hidden edges, and whose world regions are all planes of the cloud; the camera is known to be upright. The right
+plane of a face is the one that holds most of its labeled points, if it holds half of them; "pure" is the share of such
+a plane's points that are labeled. A line each: faces, those with a right plane, pairs found, those that are right, the
+error of the pose, and its warnings. With --no-edges the pairs follow from the regions alone.
 
-    python -m benchmarks.street_planes [--data ../shared/data] [--only natural kitti]
+    python -m benchmarks.street_planes [--data ../shared/data] [--only natural kitti] [--no-edges]
 """
 
 from __future__ import annotations
@@ -26,6 +27,9 @@ from regionpose.yaml_text import to_yaml
 from benchmarks.picking import frames
 from benchmarks.real_scenes import DEFAULT_DATA, camera_item, cloud_file, errors_of, scanner_of
 
+UP_SIGMA_DEG = 5.0
+"""Of a camera that is upright in its vehicle."""
+
 LEAST_HELD = 0.5
 """Share of a face's labeled points that its plane holds."""
 
@@ -37,8 +41,8 @@ class Right(NamedTuple):
     pure: float
 
 
-def scene_file(folder: Path, out: Path) -> Path:
-    """Write the scene file of a frame."""
+def scene_file(folder: Path, out: Path, edges: bool) -> Path:
+    """Write the scene file of a frame; `edges`: whether those of photo and cloud may be used."""
     calibration = json.loads((folder / "calib.json").read_text())
     faces = json.loads((folder / "regions.json").read_text())
     scene = {
@@ -54,6 +58,8 @@ def scene_file(folder: Path, out: Path) -> Path:
             for face in faces
         ],
         "world_regions": PLANES,
+        "prior": {"up": [0.0, 0.0, 1.0], "up_sigma_deg": UP_SIGMA_DEG},
+        "solver": {"witness": edges},
     }
     path = out / "scene.yaml"
     path.write_text(to_yaml(scene), encoding="utf-8")
@@ -103,11 +109,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=DEFAULT_DATA)
     parser.add_argument("--only", nargs="+", default=["kitti", "natural"], help="kinds of scenes")
+    parser.add_argument("--no-edges", action="store_true", help="match by the regions alone")
     options = parser.parse_args()
     total = np.zeros(4, dtype=np.int64)
     for folder in frames(options.data, options.only):
         with tempfile.TemporaryDirectory() as place:
-            line, counts = line_of(folder, scene_file(folder, Path(place)))
+            line, counts = line_of(folder, scene_file(folder, Path(place), not options.no_edges))
         total += counts
         print(f"{'/'.join(folder.parts[-2:]):24} {line}", flush=True)
     print(f"{total[0]} faces, {total[1]} have a plane; {total[2]} pairs found, {total[3]} right")

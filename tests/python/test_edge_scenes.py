@@ -19,7 +19,7 @@ from PIL import Image
 from regionpose.alignment import pose_search
 from regionpose.clouds import Cloud, write_ply
 from regionpose.progress import UnwantedError, while_wanted
-from regionpose.scene import SceneError, Stages, estimate_scene, load_scene, scene_result
+from regionpose.scene import SceneError, SceneSides, Stages, estimate_scene, load_scene, scene_result
 from regionpose.scene.bundle import bundle, file_names
 from regionpose.scene.folder import FolderOptions, pair_scene
 from regionpose.scene.verdict import DOUBTFUL, verdict
@@ -193,6 +193,50 @@ def test_confirmed_planes_are_regions_of_a_scene_file(pair: Path) -> None:
     assert np.allclose(found.estimate.pose.matrix, matrix, atol=0.02)
     assert 0.0 <= held["pose"]["distance_sigmas"] < 4.5
     assert held["pose"]["warnings"] == [] or all(one["code"] for one in held["pose"]["warnings"])
+
+
+def drawn(run_: Any) -> list[dict[str, Any]]:
+    """The confirmed regions of a run as regions of its image alone."""
+    held = scene_result(run_)["confirmed_regions"]["frames"][0]["regions"]
+    return [{"name": f"face {number}", "image": one["image"]} for number, one in enumerate(held, start=1)]
+
+
+def test_planes_are_matched_at_the_pose_by_edges(pair: Path) -> None:
+    given = estimate_scene(load_scene(write_scene(pair)))
+    assert given.regions_found is not None
+    known = {"sensor_origin": [0.0, 0.0, 0.0], "image_regions": drawn(given), "world_regions": "planes"}
+    run_ = estimate_scene(load_scene(write_scene(pair, **known)))
+    matching = run_.sides.matching
+    assert matching is not None and len(matching.pairs) >= 3 and matching.alternatives == ()
+    [found] = given.regions_found.frames
+    assert found is not None
+    faces = {f"face {number}": one.indices for number, one in enumerate(found.regions, start=1)}
+    planes = [side.indices for side in run_.sides.world_sides if side.indices is not None]
+    right = [
+        len(np.intersect1d(faces[name], plane)) > 0.5 * len(plane)
+        for name, plane in zip(run_.names, planes, strict=True)
+    ]
+    assert sum(right) >= len(right) - 1
+    assert {*matching.unmatched_image, *(image for image, _ in matching.pairs)} == set(faces)
+
+
+def test_planes_are_not_matched_by_edges_that_tell_no_pose(
+    pair: Path, worlds: list[World], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = estimate_scene(load_scene(write_scene(pair)))
+    Image.fromarray(worlds[1].photo[:, ::-1]).save(pair / "0001.png")
+    asked: list[int] = []
+
+    def matcher(sides: SceneSides) -> SceneSides:
+        asked.append(len(sides.names))
+        raise rp.PoseError("asked")
+
+    monkeypatch.setattr("regionpose.scene.estimate.matched", matcher)
+    known = {"sensor_origin": [0.0, 0.0, 0.0], "image_regions": drawn(given), "world_regions": "planes"}
+    with pytest.raises(rp.PoseError, match="asked"):
+        estimate_scene(load_scene(write_scene(pair, **known)))
+    # The matcher by regions is asked of all of them.
+    assert asked == [0]
 
 
 def test_confirmed_planes_do_not_change_the_verdict(pair: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pick_sessions import demo_session
 from pydantic import ValidationError
-from regionpose.cli.prior_options import Mount, prior_values
+from regionpose.cli.known import Known as KnownOptions
 from regionpose.pick.known import Known, initial_pose, looking
 from regionpose.pick.scene_text import scene_of
 from regionpose.pick.session import Session
@@ -56,7 +56,7 @@ def test_what_is_known_is_saved_and_read_again(session: Session, tmp_path: Path)
 
 
 def test_a_mount_says_where_the_camera_stands_once(session: Session) -> None:
-    given = prior_values("0.4", "z", Mount.left)
+    given = KnownOptions.of("0.4", "z", ["left"], None).prior()
     session.set_prior(given)
     known = session.known
     assert not known.is_anywhere and known.ahead == pytest.approx((0.0, 1.0, 0.0)) and known.ahead_sigma_deg == 20.0

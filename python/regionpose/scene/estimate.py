@@ -29,6 +29,7 @@ from regionpose.scene.confirmed import RegionCheck, region_check
 from regionpose.scene.exposure import SceneSides, matched, scene_sides
 from regionpose.scene.known import given_pose, scene_prior, scene_solver
 from regionpose.scene.loading import Scene
+from regionpose.scene.overlap_pairs import near_edges, paired_by_overlap, takes_edges
 from regionpose.scene.sensors import SensorOrigin
 from regionpose.scene.stages import Stages
 
@@ -166,6 +167,12 @@ def _prior(frames: Sequence[SceneSides]) -> Prior:
     return scene_prior(frames[0].scene, _scanner(frames))
 
 
+def _region_prior(frames: Sequence[SceneSides]) -> Prior:
+    """What regions are solved with: pairs that follow from a pose by edges hold no farther from it."""
+    poses = [one.matching.pose for one in frames if one.matching is not None and one.matching.pose is not None]
+    return near_edges(_prior(frames), poses[0]) if poses else _prior(frames)
+
+
 @checked_arguments
 def estimate_scene(scene: Scene, stages: Stages | None = None) -> SceneEstimate:
     """The pose of a scene, of one photo or of several frames.
@@ -212,14 +219,20 @@ def has_regions(frames: Sequence[SceneSides]) -> bool:
 
 def estimate_edges(scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None) -> SceneEstimate:
     """The one pose of all frames by the edges of their photos and clouds alone, as of `calibrate`."""
-    frames, stages, solver = tuple(given), stages or Stages(), scene_solver(scene)
-    found, scanner = _calibrated(frames, None, _edge_prior(frames), solver, stages), _scanner(frames)
+    frames, stages = tuple(given), stages or Stages()
+    with stages.stage("edges"):
+        found, scanner = _explained(lambda: _by_edges(frames, stages), frames), _scanner(frames)
     with stages.stage("planes"):
         place = found.prior.camera_near if scanner is None else scanner.place - frames[0].origin
-        seen = scene_frames(frames)
+        seen, solver = scene_frames(frames), scene_solver(scene)
         planes = region_check(seen, found, sensor_origin=place, solver=solver, progress=stages.progress)
     estimate = _in_world(found.estimate, frames)
     return SceneEstimate(scene, frames, estimate, stages.seconds, calibration=found, regions_found=planes)
+
+
+def _by_edges(frames: Sequence[SceneSides], stages: Stages) -> Calibration:
+    """The pose of all frames by edges alone, about the local origin."""
+    return _calibrated(frames, None, _edge_prior(frames), scene_solver(frames[0].scene), stages)
 
 
 def estimate_regions(scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None) -> SceneEstimate:
@@ -240,6 +253,8 @@ def _matched(sides: SceneSides, stages: Stages, which: str) -> SceneSides:
     if not sides.unpaired.can_match:
         return sides
     with stages.within(which), stages.stage("matching"):
+        if takes_edges(sides):
+            sides = paired_by_overlap(sides, lambda: _by_edges([sides], stages))
         return _explained(lambda: matched(sides), [sides])
 
 
@@ -247,7 +262,7 @@ def _run(
     scene: Scene, frames: tuple[SceneSides, ...], seconds: dict[str, float], nearest: Pose | None = None
 ) -> SceneEstimate:
     """The run by the regions alone; with the answer first that is nearest to a pose, if one is given."""
-    prior = _prior(frames)
+    prior = _region_prior(frames)
     if nearest is not None:
         prior = prior.started_at(nearest)
     prior, solver, camera = prior.about(frames[0].origin), scene_solver(frames[0].scene), frames[0].camera
@@ -289,7 +304,9 @@ def with_edges(run: SceneEstimate, stages: Stages | None = None) -> SceneEstimat
     counts = accumulate((len(sides.names) for sides in run.frames), initial=0)
     starts = tuple(start for start, sides in zip(counts, run.frames, strict=False) if sides.cloud is not None)
     regions = RegionEvidence(_rebased(run.estimate, origin), run.camera, _regions(run.frames), starts, reestimate)
-    found = _calibrated(run.frames, regions, run.prior, solver, stages or Stages())
+    stages = stages or Stages()
+    with stages.stage("edges"):
+        found = _explained(lambda: _calibrated(run.frames, regions, run.prior, solver, stages), run.frames)
     return replace(latest, estimate=_rebased(found.estimate, -origin), calibration=found)
 
 
@@ -300,10 +317,7 @@ def _calibrated(
     origin, scanner = frames[0].origin, _scanner(frames)
     photos = [frame for frame in scene_frames(frames) if frame is not None]
     place = None if scanner is None else scanner.place - origin
-    with stages.stage("edges"):
-        return _explained(
-            lambda: calibrate_with(photos, regions, prior.about(origin), place, solver, stages.progress), frames
-        )
+    return calibrate_with(photos, regions, prior.about(origin), place, solver, stages.progress)
 
 
 def _edge_prior(frames: Sequence[SceneSides]) -> Prior:

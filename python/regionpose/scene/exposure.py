@@ -48,13 +48,15 @@ class Unpaired:
 class Matching:
     """Which image region was found to be which world region, by their names.
 
-    `alternatives`: other pairs that explain the image about as well, best first.
+    `alternatives`: other pairs that explain the image about as well, best first. `pose`: at which the pairs overlap,
+    in the cloud's world, where edges gave one.
     """
 
     pairs: tuple[tuple[str, str], ...]
     unmatched_image: tuple[str, ...]
     unmatched_world: tuple[str, ...]
     alternatives: tuple[tuple[tuple[str, str], ...], ...]
+    pose: Pose | None = None
 
 
 @dataclass(frozen=True, eq=False)
