@@ -168,7 +168,7 @@ class Loaded:
         given = self.inputs
         path = given.scene.with_name("picked.yaml")
         # Without the estimate, which would begin beside what is measured.
-        solver = {"witness": False}
+        solver = {"edges": False}
         return Desk(Session.create(path, image=given.image, camera=given.camera, cloud=given.cloud, solver=solver))
 
     def solid_click(self) -> Callable[[], object]:

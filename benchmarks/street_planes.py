@@ -59,7 +59,7 @@ def scene_file(folder: Path, out: Path, edges: bool) -> Path:
         ],
         "world_regions": PLANES,
         "prior": {"up": [0.0, 0.0, 1.0], "up_sigma_deg": UP_SIGMA_DEG},
-        "solver": {"witness": edges},
+        "solver": {"edges": edges},
     }
     path = out / "scene.yaml"
     path.write_text(to_yaml(scene), encoding="utf-8")

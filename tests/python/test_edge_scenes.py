@@ -186,7 +186,7 @@ def test_confirmed_planes_are_regions_of_a_scene_file(pair: Path) -> None:
         assert np.count_nonzero(labels == number) > 0.5 * region["image_area_px"]
         assert region["world"] == {"points": "regions.npy", "label": number}
     items = [{key: region[key] for key in ("name", "image", "world")} for region in frame["regions"]]
-    again = load_scene(write_scene(pair, regions=items, sensor_origin=[0.0, 0.0, 0.0], solver={"witness": False}))
+    again = load_scene(write_scene(pair, regions=items, sensor_origin=[0.0, 0.0, 0.0], solver={"edges": False}))
     found = estimate_scene(again)
     assert found.names == tuple(region["name"] for region in frame["regions"])
     matrix = held["pose"]["camera_from_world"]["matrix"]

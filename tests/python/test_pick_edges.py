@@ -196,14 +196,14 @@ def test_what_could_not_be_read_again_is_not_saved(drive: Path) -> None:
     with pytest.raises(SceneError, match="found regions of one side"):
         session.save()
     session.undo()
-    session.base["solver"] = {"witness": False}
+    session.base["solver"] = {"edges": False}
     with pytest.raises(SceneError, match="found no region"):
         session.save()
     assert not session.path.exists()
 
 
 def test_scenes_whose_edges_do_not_count_wait_for_a_pair(drive: Path) -> None:
-    session = session_of(drive, solver={"witness": False})
+    session = session_of(drive, solver={"edges": False})
     assert not session.searches_edges and not session.has_estimate
     with opened(session) as desk:
         assert desk.outcome.state == "empty" and not desk.shows_depth

@@ -190,7 +190,7 @@ def test_a_missing_folder_is_not_called_a_missing_image(tmp_path: Path) -> None:
 
 
 def test_nothing_is_saved_that_gives_no_pose(session: Session) -> None:
-    session.base["solver"] = {"witness": False}
+    session.base["solver"] = {"edges": False}
     with pytest.raises(ValueError, match="found no region"):
         session.save()
     assert not session.path.exists()

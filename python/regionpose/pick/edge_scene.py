@@ -24,7 +24,7 @@ def without_regions(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def compares_edges(values: Mapping[str, Any]) -> bool:
     """Whether a scene file lets edges of photo and cloud be compared."""
-    return bool((values.get("solver") or {}).get("witness", True))
+    return bool((values.get("solver") or {}).get("edges", True))
 
 
 def bare_sides(

@@ -44,8 +44,8 @@ class SceneEstimate:
     `scene`: the whole of it. `frames`: the photos and clouds, one unless the scene has several. `estimate`: of all
     their regions, frame after frame. `seconds` per stage. `fits`, `influence`, `scatter`: how each of several frames
     fits, what the others say without it, and how far frames are off as wholes. `calibration`: what the edges of photos
-    and clouds say, with the regions or without any; None where they were not looked at. `regions_found`: the planes that
-    photos confirm at a pose by edges alone; None of others.
+    and clouds say, with the regions or without any; None where they were not looked at. `regions_found`: the planes
+    that photos confirm at a pose by edges alone; None of others.
     """
 
     scene: Scene

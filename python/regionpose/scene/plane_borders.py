@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from regionpose.alignment.frame import SceneFrame
-from regionpose.alignment.steps import STEP_SHARE, cell_and_gap, half_field, pixel_angle
+from regionpose.alignment.views import EDGE_SHARE, cell_and_gap, half_field, pixel_angle
 from regionpose.pictures.projections import projected_rings
 from regionpose.pose import Pose
 from regionpose.regions.outline import sparse_sampling_told_to
@@ -38,7 +38,7 @@ CONE = 0.5
 UNSEEN_PX = -1e9
 """Place of points that the camera does not see."""
 
-BEFORE_SHARE = 0.3 * STEP_SHARE
+BEFORE_SHARE = 0.3 * EDGE_SHARE
 """A point hides a border from this share before its plane on: parked cars stand nearer to walls than a step is deep."""
 
 MEETS_SHARE, MEETS_M = 0.01, 0.1
@@ -227,7 +227,7 @@ class View:
         own_heights = np.abs(surface.heights(points))
         met = [(np.abs(other.heights(border)) <= near, np.abs(other.heights(points))) for other in others]
         along = surface.along(points, self._scanner)
-        behind = (along > 1.0 + STEP_SHARE) | (along < 0.0)
+        behind = (along > 1.0 + EDGE_SHARE) | (along < 0.0)
         before = (along >= 0.0) & (along < 1.0 - BEFORE_SHARE)
         covers = surface.along(points, self.pose.camera_center)
         covers_border = (covers > 0.0) & (covers < 1.0 - BEFORE_SHARE)
