@@ -68,9 +68,9 @@ bench: $(STAMP)
 	$(BIN)/python benchmarks/scale.py --points 1000000 --megapixels 6
 	$(BIN)/python benchmarks/real_scenes.py
 	$(BIN)/python -m benchmarks.automatic
-	$(BIN)/python -m benchmarks.witness
+	$(BIN)/python -m benchmarks.agreement
 	$(BIN)/python -m benchmarks.chessboards
-	$(BIN)/python -m benchmarks.refinement
+	$(BIN)/python -m benchmarks.with_regions
 	cargo bench --quiet --package regionpose-benches
 
 $(STAMP): $(SOURCES)

@@ -1,4 +1,4 @@
-"""How well the rest of a scene tells right poses from wrong ones, on frames with ground truth.
+"""How well edges of photo and cloud tell right poses from wrong ones, on frames with ground truth.
 
 Of each frame, a folder with calib.json, a photo and a cloud, the agreement of photo and cloud is measured at the true
 pose and at poses that are turned by 8 to 180 degrees, most of them moved by a meter or two, too. Where there are no
@@ -51,7 +51,7 @@ class RealFrame(NamedTuple):
     pose: rp.Pose
 
     def of_scene(self) -> rp.SceneFrame:
-        """Photo and cloud as the rest of a scene."""
+        """Photo and cloud, without regions."""
         return rp.SceneFrame(Photo.of(self.image), self.cloud.points, self.camera, intensity=self.cloud.intensity)
 
     def alignment(self, photo: Photo, pose: rp.Pose) -> rp.Alignment:

@@ -261,7 +261,7 @@ UNITLESS = {
     "column": "a coordinate of pixels",
     "depth_tolerance mesh_size overlap_error disturbed_share shown_share": "shares",
     "factor": "of focal lengths",
-    "confidence confidence_before share score log_odds chance sigmas": "probabilities and their like",
+    "confidence share log_odds edge_log_odds sigmas": "probabilities and their like",
     "lead log_mass log_ratio": "logarithms of odds",
     "values": "of a warning, each with its unit in its key",
 }

@@ -16,7 +16,7 @@ from regionpose.alignment.explanations import explained_by_edges, explained_with
 from regionpose.alignment.focal import ByFocal, FocalEvidence, focal_evidence
 from regionpose.alignment.frame import SceneFrame
 from regionpose.alignment.hypotheses import answers_of, is_same, places_of
-from regionpose.alignment.judgement import Judgement, hidden_regions
+from regionpose.alignment.judgment import Judgment, hidden_regions
 from regionpose.alignment.pose_search import EdgeMode
 from regionpose.alignment.region_evidence import RegionEvidence
 from regionpose.alignment.visibility import occlusions
@@ -53,7 +53,7 @@ class Calibration(KeptArrays):
     lead : float
         The logarithm of the odds of the pose over the likeliest other place; infinite where there is none.
     edges : int
-        How many edges of the clouds the photos show.
+        How many edges of the clouds are in view at the pose, away from the regions.
     modes : tuple of EdgeMode
         All maxima of the posterior that edges led to, of the largest mass first.
     alignments : tuple of Alignment
@@ -199,11 +199,11 @@ def calibrate_with(
     )
     focal = None if by_focal is None else focal_evidence(by_focal, best, part(progress, SEARCHED, FOCAL_TRIED))
     report(FOCAL_TRIED)
-    judgement = Judgement(edges, places, explained.none, focal, solver)
+    judgment = Judgment(edges, places, explained.none, focal, solver)
     if regions is None or by_regions is None:
-        estimate = judgement.by_edges()
+        estimate = judgment.by_edges()
     else:
-        estimate = judgement.with_regions(regions, by_regions)
+        estimate = judgment.with_regions(regions, by_regions)
     alignments = tuple(aligned(frame, one, estimate.pose) for frame, one in zip(frames, edges, strict=True))
     if regions is not None:
         hidden_ones = hidden_regions(alignments, regions.starts)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,9 @@ lengths do not stand out."""
 GROUPS = ((-7, -6, -5, -4), (-3, -2, -1), (1, 2, 3), (4, 5, 6, 7))
 """Which of the widest steps are looked at, a fifth up and down, as another setting of a zoom lens or a data sheet may
 be off; those of a group by the edges that are seen from the pose in its middle."""
+
+NEARBY_M = 0.1
+"""Distance within which a camera is taken to see the same edges: what they move by is less than focal lengths do."""
 
 CLOSER = 3
 """How many of them, the likeliest, are looked at more closely."""
@@ -100,9 +104,19 @@ class ByFocal:
         return cls(frames, regions) if np.isfinite(regions.covariance).all() else None
 
     def seen_from(self, pose: Pose) -> list[_core.AlignmentFrame]:
-        """The frames with the edges that are seen at a pose."""
+        """The frames with the edges that are seen at a pose, or from nearby."""
         center = pose.about(self.frames[0].origin).camera_center
-        return [frame.seen_from(center, with_regions=isinstance(self.about, Prior)) for frame in self.frames]
+        for known, cores in self._seen:
+            if np.linalg.norm(known - center) < NEARBY_M:
+                return cores
+        cores = [frame.seen_from(center, with_regions=isinstance(self.about, Prior)) for frame in self.frames]
+        self._seen.append((center, cores))
+        return cores
+
+    @cached_property
+    def _seen(self) -> list[tuple[Array, list[_core.AlignmentFrame]]]:
+        """From where edges were looked for, and what was seen."""
+        return []
 
     def maxima(
         self, cores: Sequence[_core.AlignmentFrame], log_focal: float, start: Pose, spread: int = 3

@@ -79,7 +79,7 @@ class Photo:
 
     def log_ratios(self, spread_px: float) -> Pictures:
         """Logarithms (k, h, w) of how much likelier the photo is with the image of an edge in a pixel than with none,
-        its place being known up to a Gaussian of this standard deviation (docs/math.md, eq. 18.6).
+        its place being known up to a Gaussian of this standard deviation (docs/math.md, eq. 18.2).
         """
         if spread_px not in self._log_ratios:
             width = max(LEAST_WINDOW_PX, 2 * int(0.5 * WINDOW_SPREADS * spread_px) + 1)

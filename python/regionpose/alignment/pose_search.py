@@ -1,5 +1,5 @@
 """The poses at which the edges of clouds lie on those of photos, searched for in all that a density allows
-(docs/math.md, section 18).
+(docs/math.md, section 19).
 """
 
 from __future__ import annotations

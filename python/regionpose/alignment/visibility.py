@@ -1,4 +1,4 @@
-"""Whether a cloud hides the regions that a photo shows, at a pose (docs/math.md, eq. 18.11 and 18.12)."""
+"""Whether a cloud hides the regions that a photo shows, at a pose (docs/math.md, eq. 18.4 and 18.5)."""
 
 from __future__ import annotations
 

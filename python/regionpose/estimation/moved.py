@@ -1,4 +1,4 @@
-"""An estimate after more than its regions was heard: its pose moved, or its covariance found too small."""
+"""An estimate of regions at a pose, and of a covariance, that further evidence such as edges gave."""
 
 from __future__ import annotations
 

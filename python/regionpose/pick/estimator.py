@@ -66,8 +66,8 @@ class Running:
 
 class Estimator:
     """The thread that estimates. `snapshot` gives the session to be estimated, whose edits do not reach it; `show` is
-    told what came of it, again where the rest of the scene was asked after the regions. `lock` is held while it is
-    told, and by who abandons an estimate: what is shown is of the regions as they are.
+    called with the outcome, again once edges were compared after the regions. `lock` is held during that call, and by
+    who abandons an estimate: what is shown is of the regions as they are.
     """
 
     def __init__(

@@ -36,9 +36,7 @@ class Outcome:
 
     @property
     def is_current(self) -> bool:
-        """Whether there is a pose of the session as it is: by its regions, alone or with the rest of the scene, or by
-        edges.
-        """
+        """Whether there is a pose of the session as it is: by its regions, alone or with edges, or by edges alone."""
         return self.run is not None and self.state in ("regions", "stopped", "ready")
 
     @classmethod

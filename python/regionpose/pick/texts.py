@@ -64,8 +64,8 @@ FAILED = {
 """What to do where there is no pose, by whether it was searched by edges."""
 
 OF_REGIONS = {
-    "regions": ("regions", "By the regions so far; the rest of photo and cloud is being asked"),
-    "stopped": ("regions", "By the regions alone; the rest of photo and cloud was not asked"),
+    "regions": ("regions", "By the regions so far; edges of photo and cloud are being compared"),
+    "stopped": ("regions", "By the regions alone; edges of photo and cloud were not compared"),
 }
 """The levels and headings of poses that the regions alone gave."""
 
@@ -94,7 +94,7 @@ def outcome_html(outcome: Outcome) -> str:
         state = "searching" if outcome.searches_edges and outcome.state == "busy" else outcome.state
         return WITHOUT_POSE.get(state, EMPTY_POSE)
     judged, estimate = outcome.judged, outcome.run.estimate
-    # By the regions alone nothing is trusted yet: the rest of the scene may choose another pose.
+    # By the regions alone nothing is trusted yet: edges of photo and cloud may choose another pose.
     level, heading = OF_REGIONS.get(outcome.state, (judged.level, HEADINGS[judged.level]))
     busy = outcome.state == "busy"
     spin = '<span class="rp-spin"></span>' if busy or outcome.state == "regions" else ""
@@ -130,7 +130,7 @@ def _remarks(run: SceneEstimate, judged: Verdict) -> Iterator[tuple[str, str]]:
 def _fit(run: SceneEstimate) -> tuple[str, str]:
     """How well the pose fits, and by what measure: by regions, or by edges without these."""
     if run.calibration is not None and run.is_by_edges:
-        return f"{run.calibration.edges:,}", "edges that agree"
+        return f"{run.calibration.edges:,}", "edges in view"
     fit = scene_fit(run)
     return fit.value, fit.measure
 

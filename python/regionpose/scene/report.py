@@ -97,9 +97,9 @@ def _fit(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     far the edges of photo and cloud agree of a scene without regions.
     """
     search = result["edge_search"]
-    if search is not None:
+    if not result["regions"] and search is not None:
         return [
-            (f"{search['edges']:,}", "edges that the photos show"),
+            (f"{search['edges']:,}", "edges of clouds in view"),
             (_fixed(search["log_odds"], 1), "log odds over chance"),
         ]
     shares = [region["samples_on_their_side"] for region in result["regions"]]
@@ -113,7 +113,7 @@ def _fit(result: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def _noise(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     """The noise of the contours, where there are some."""
-    if result["edge_search"] is not None:
+    if not result["regions"]:
         return []
     return [(f"{_fixed(result['boundary_noise_px'], 2)} px", "noise of the contours")]
 

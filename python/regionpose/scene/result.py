@@ -66,7 +66,7 @@ def _told_of_pose(run: SceneEstimate, folder: Path) -> dict[str, Any]:
 
 
 def _told_of_fit(run: SceneEstimate) -> dict[str, Any]:
-    """How well it fits the regions and the rest of the scene."""
+    """How well it fits the regions and the edges of photo and cloud."""
     estimate = run.estimate
     return {
         "confidence": estimate.confidence,

@@ -1,4 +1,4 @@
-//! A picture spread by a kernel that is the same to all sides (`docs/math.md`, eq. 18.6).
+//! A picture spread by a kernel that is the same to all sides (`docs/math.md`, eq. 18.2).
 
 use std::array;
 

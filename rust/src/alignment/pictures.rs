@@ -1,5 +1,5 @@
 //! Pictures of a photo that hold how much likelier it is with the image of an edge in a pixel than with none
-//! (`docs/math.md`, eq. 18.6).
+//! (`docs/math.md`, eq. 18.2).
 
 use super::groups::{Floats, GROUP, Numbers, ZEROS, whole};
 

@@ -222,7 +222,7 @@ fn leads(sums: &Sums) -> Vec<Weight> {
     (0..sums.frames()).map(weight).collect()
 }
 
-/// Weights by which the likelihood ratio of each frame is 1 on the mean over null poses, and so is that of all frames (eq. 18.7): those
+/// Weights by which the likelihood ratio of each frame is 1 on the mean over null poses, and so is that of all frames (eq. 18.3): those
 /// that show the same, as of a rig that stands still, count together as often as they tell something new.
 fn shares(sums: &Sums) -> Vec<Weight> {
     let shares: Vec<f64> = (0..sums.frames()).map(|frame| share_of(sums.of_frame(frame).map(|(sum, _)| sum))).collect();

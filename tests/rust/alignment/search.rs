@@ -132,7 +132,7 @@ fn spread(picture: &[f32], spread: f64) -> Vec<f32> {
     blurred(picture, WIDTH, &(0..=reach).map(|away| bell(away) / whole).collect::<Vec<f64>>())
 }
 
-/// Likelihood ratios of an edge by spread: half of the cloud's edges are in the photo, the others anywhere in a window (eq. 18.6).
+/// Likelihood ratios of an edge by spread: half of the cloud's edges are in the photo, the others anywhere in a window (eq. 18.2).
 fn log_ratios(edges: &[f32]) -> [Arc<LogRatios>; SPREADS] {
     SPREADS_PX.map(|width| {
         let mut values = Vec::with_capacity(edges.len());

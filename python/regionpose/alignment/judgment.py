@@ -39,7 +39,7 @@ MOST_MOVED = float(np.sqrt(chdtri(6.0, 0.0027)))
 
 
 @dataclass(frozen=True, eq=False)
-class Judgement:
+class Judgment:
     """What is left once edges were looked at: `places`, the likeliest first, `none`, the weight of none of them, and
     the evidence of focal lengths.
     """
