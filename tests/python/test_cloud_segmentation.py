@@ -277,3 +277,12 @@ def test_noise_that_grows_away_from_the_seed_does_not_widen_the_patch_step_by_st
     cloud = np.column_stack([flat, sigma * generator.standard_normal(4000)])
     members = grow_plane(cloud, [0.0, 0.0, 0.0])
     assert np.abs(cloud[members, 2]).max() < 0.022
+
+
+def test_points_in_one_place_are_one_and_all_of_them_are_members() -> None:
+    rng = np.random.default_rng(3)
+    wall = np.column_stack([rng.uniform(0.0, 2.0, (2000, 2)), rng.normal(0.0, 0.003, 2000)])
+    twice = np.concatenate([wall, wall[::2], np.tile([[5.0, 5.0, 5.0]], (50_000, 1))])
+    (found,) = find_planes(twice)
+    assert found.max() < 3000 and len(found) > 2900
+    assert (np.isin(np.arange(0, 2000, 2), found) == np.isin(np.arange(2000, 3000), found)).all()

@@ -77,7 +77,7 @@ def test_each_camera_has_its_pose_and_its_files(
         assert held["frames"][0]["cloud"] == "../../rig/clouds/0001.ply"
     levels = {result["verdict"]["level"] for result in results.values()}
     assert code == (3 if "doubtful" in levels else 0)
-    assert any(re.fullmatch(r"camera 2 of 2, left: .*pose", stage) for stage in stages)
+    assert any(re.fullmatch(r"camera 2 of 2, left: .*edges", stage) for stage in stages)
 
 
 def test_a_table_says_what_each_camera_has(rig: Path, capsys: pytest.CaptureFixture[str]) -> None:

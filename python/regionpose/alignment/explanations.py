@@ -21,6 +21,10 @@ from regionpose.progress import Progress, part
 LEAST_PRIOR = 1e-4
 """Least probability of an answer of regions about which edges are looked at: a hundredth of what all of them leave."""
 
+NEGLIGIBLE = 1e-3
+"""Probability that all answers of regions are wrong, once edges about them were looked at, below which the whole prior
+is not searched, which takes most of the time: a thirtieth of what a trusted pose may lack."""
+
 
 @dataclass(frozen=True, eq=False)
 class Explanations:
@@ -76,7 +80,9 @@ def explained_with_regions(
         hypotheses.append(Hypothesis(answer.pose, whole, float(np.log(silent)), number))
         hypotheses += [_of_mode(mode, share * (1.0 - SILENT_PRIOR), number) for mode in found]
         modes += found
-    if _says_where(prior) and none > 0.0:
+    # Under chance the mass of all maxima of a prior is 1 on the mean.
+    left = none / (none + float(np.exp(log_sum(hypotheses))))
+    if _says_where(prior) and left > NEGLIGIBLE:
         starts = [answer.pose for answer in answers_of(regions)]
         found = search_prior(frames, prior, starts, progress=part(progress, 0.3, 1.0))
         hypotheses += [_of_mode(mode, none * (1.0 - CHANCE_PRIOR)) for mode in found]

@@ -529,7 +529,8 @@ class Session:
         none.
         """
         scene, stages = scene_of(self.path, values), stages or Stages()
-        return estimate_frames(scene, self._edge_sides(scene, stages), stages)
+        # Planes that confirm it take as long again, and the page does not show them.
+        return estimate_frames(scene, self._edge_sides(scene, stages), stages, with_planes=False)
 
     def _edge_sides(self, scene: Scene, stages: Stages) -> list[SceneSides]:
         """Photo and cloud of each frame of a scene without regions."""

@@ -204,11 +204,15 @@ def estimate_sides(sides: SceneSides, stages: Stages | None = None) -> SceneEsti
     return estimate_frames(sides.scene, [sides], stages)
 
 
-def estimate_frames(scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None) -> SceneEstimate:
-    """The one pose of the camera in all frames of a scene; errors as of `estimate_scene`."""
+def estimate_frames(
+    scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None, *, with_planes: bool = True
+) -> SceneEstimate:
+    """The one pose of the camera in all frames of a scene; `with_planes`: with the planes that photos confirm at a pose
+    by edges alone. Errors as of `estimate_scene`.
+    """
     stages = stages or Stages()
     if not has_regions(given):
-        return estimate_edges(scene, given, stages)
+        return estimate_edges(scene, given, stages, with_planes=with_planes)
     return with_edges(estimate_regions(scene, given, stages), stages)
 
 
@@ -217,16 +221,20 @@ def has_regions(frames: Sequence[SceneSides]) -> bool:
     return any(sides.names or sides.unpaired.can_match for sides in frames)
 
 
-def estimate_edges(scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None) -> SceneEstimate:
+def estimate_edges(
+    scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None, *, with_planes: bool = True
+) -> SceneEstimate:
     """The one pose of all frames by the edges of their photos and clouds alone, as of `calibrate`."""
     frames, stages = tuple(given), stages or Stages()
     with stages.stage("edges"):
         found, scanner = _explained(lambda: _by_edges(frames, stages), frames), _scanner(frames)
+    estimate = _in_world(found.estimate, frames)
+    if not with_planes:
+        return SceneEstimate(scene, frames, estimate, stages.seconds, calibration=found)
     with stages.stage("planes"):
         place = found.prior.camera_near if scanner is None else scanner.place - frames[0].origin
         seen, solver = scene_frames(frames), scene_solver(scene)
         planes = region_check(seen, found, sensor_origin=place, solver=solver, progress=stages.progress)
-    estimate = _in_world(found.estimate, frames)
     return SceneEstimate(scene, frames, estimate, stages.seconds, calibration=found, regions_found=planes)
 
 

@@ -113,6 +113,18 @@ def find_planes(
     check_given(distance_m=distance_m, radius_m=radius_m)
     if not isinstance(min_points, Integral) or min_points < 3:
         raise ValueError(f"min_points is {min_points}; needed a whole number of 3 or more")
+    distinct, number = _distinct(cloud)
+    if len(distinct) < len(cloud):
+        # Trees of neighbors take points in one place for one after the other.
+        found = find_planes(
+            cloud[distinct],
+            min_points=min_points,
+            distance_m=distance_m,
+            radius_m=radius_m,
+            angle_deg=angle_deg,
+            progress=progress,
+        )
+        return [np.flatnonzero(np.isin(number, members)) for members in found]
     thinned = _thinned(cloud)
     search = Search(cloud[thinned], min_points * len(thinned) / len(cloud), (distance_m, radius_m, angle_deg))
     is_whole = len(thinned) == len(cloud)
@@ -123,6 +135,15 @@ def find_planes(
     else:
         found = _filled(cloud, patches, part(progress, SEARCHED, 1.0))
     return sorted((members for members in found if len(members) >= min_points), key=len, reverse=True)
+
+
+def _distinct(cloud: Array) -> tuple[Indices, Indices]:
+    """The first point of each place of a cloud (n, 3), ascending, and which of these each point (n,) is."""
+    _, first, number = np.unique(cloud, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return first[order], rank[number.reshape(-1)]
 
 
 class Search:
