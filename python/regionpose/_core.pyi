@@ -39,7 +39,6 @@ __all__ = [
     "quad_solid_angles",
     "search_poses",
     "spherical_moments",
-    "together",
     "triangulate",
     "work_done",
 ]
@@ -107,11 +106,6 @@ def moved_pose(
 def nearness(covariance: ArrayLike) -> float:
     """Probability that a pose at the right place, of this covariance (6, 6) of its left increment, is within 5 degrees
     of the true one.
-    """
-
-def together(quaternions: ArrayLike, shares: ArrayLike) -> NDArray[np.float64]:
-    """Probabilities (n,) that the true pose is within 5 degrees of each answer, of rotations (n, 4) as x, y, z, w and
-    the probabilities (n,) that each is the place.
     """
 
 def estimate_batch(

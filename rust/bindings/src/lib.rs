@@ -36,7 +36,7 @@ mod _core {
     #[pymodule_export]
     use crate::pose_search::{AlignmentFrame, CloudEdges, Density, Projection, edge_spreads, search_poses};
     #[pymodule_export]
-    use crate::poses::{moved_pose, nearness, together};
+    use crate::poses::{moved_pose, nearness};
     #[pymodule_export]
     use crate::prior::Prior;
     #[pymodule_export]
