@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
 
 from regionpose.alignment.edge_frame import EdgeFrame
 from regionpose.alignment.hypotheses import Hypothesis, Place, answers_of, log_sum, priors_of
@@ -71,7 +73,7 @@ def explained_with_regions(
         if share <= 0.0:
             continue
         found = []
-        if share >= LEAST_PRIOR and _is_covariance(answer.covariance):
+        if share >= LEAST_PRIOR and is_covariance(answer.covariance):
             density = Density.student(answer.pose, answer.covariance, frames[0].origin)
             found = search_about(frames, answer.pose, density)
         # Without an edge in view it is all the same whether edges say something.
@@ -81,7 +83,7 @@ def explained_with_regions(
         hypotheses += [_of_mode(mode, share * (1.0 - SILENT_PRIOR), number) for mode in found]
         modes += found
     # Under chance the mass of all maxima of a prior is 1 on the mean.
-    left = none / (none + float(np.exp(log_sum(hypotheses))))
+    left = float(expit(np.log(max(none, 1e-300)) - log_sum(hypotheses)))
     if _says_where(prior) and left > NEGLIGIBLE:
         starts = [answer.pose for answer in answers_of(regions)]
         found = search_prior(frames, prior, starts, progress=part(progress, 0.3, 1.0))
@@ -110,5 +112,6 @@ def _says_where(prior: Prior) -> bool:
     return prior.camera_near is not None or prior.initial_center_sigma_m is not None
 
 
-def _is_covariance(covariance: np.ndarray) -> bool:
+def is_covariance(covariance: NDArray[np.float64]) -> bool:
+    """Whether a matrix (6, 6) is finite and leaves no direction without error."""
     return bool(np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0.0)

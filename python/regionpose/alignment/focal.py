@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from regionpose import _core
 from regionpose.alignment.edge_frame import EdgeFrame
+from regionpose.alignment.explanations import is_covariance
 from regionpose.alignment.hypotheses import Hypothesis
 from regionpose.alignment.odds import DECISIVE, SHARED_ERROR_PRIOR
 from regionpose.alignment.pose_search import Density, EdgeMode, log_mass
@@ -101,7 +102,7 @@ class ByFocal:
             return None
         if best.answer is None or regions is None:
             return cls(frames, prior)
-        return cls(frames, regions) if np.isfinite(regions.covariance).all() else None
+        return cls(frames, regions) if is_covariance(regions.covariance) else None
 
     def seen_from(self, pose: Pose) -> list[_core.AlignmentFrame]:
         """The frames with the edges that are seen at a pose, or from nearby."""
