@@ -37,7 +37,7 @@ PRIOR = {"initial": {"camera_from_world": {"matrix": pose_of(45.0).matrix.tolist
 """With which few poses are enough to find the true one."""
 
 WAIT_S = 120.0
-SOON_S = 5.0
+SOON_S = 20.0
 """Seconds after which work that nobody waits for has ended."""
 
 SQUARE = [[200.0, 140.0], [280.0, 140.0], [280.0, 200.0], [200.0, 200.0]]
