@@ -33,7 +33,7 @@ from benchmarks.real_scenes import DEFAULT_DATA, NATURAL, RIG, Errors, RealScene
 Array = NDArray[np.float64]
 
 SAME_TRUTH, LEAST_SCATTERED = 1e-6, 4
-"""Truths nearer than this, rad and meters, are one; poses from which on their scatter is told."""
+"""Truths nearer than this, rad and meters, are one; poses from which on their scatter is given."""
 
 WORSE_DEG = 0.1
 """A rotation is worse than another beyond this."""

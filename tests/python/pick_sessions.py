@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TypedDict
 
@@ -42,3 +44,14 @@ def demo_files() -> DemoFiles:
     """The photo, its camera and the cloud."""
     files = folder()
     return {"image": files / "image.jpg", "camera": files / "camera_info.yaml", "cloud": files / "cloud.ply"}
+
+
+WAIT_S = 120.0
+
+
+def holds(condition: Callable[[], bool], seconds: float = WAIT_S) -> bool:
+    """Whether a condition comes to hold in time."""
+    until = time.monotonic() + seconds
+    while not condition() and time.monotonic() < until:
+        time.sleep(0.01)
+    return condition()

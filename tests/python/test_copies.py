@@ -58,6 +58,7 @@ def public_objects() -> dict[str, list[Any]]:
     members = demo.regions[0].point_indices[::4]
     calibration = rp.calibrate([rp.SceneFrame(demo.image, demo.points[::4], demo.camera, outlines, None, polygons)])
     objects: list[Any] = [
+        *cameras(),
         *(calibration, scene, rig, matches, *outlines, *polygons, whole),
         rp.ConfirmedRegions((rp.ConfirmedRegion("plane 1", outlines[0], polygons[0], members, 3.0, 0.5),), 2, 3.0),
         rp.read_cloud(folder() / "cloud.ply"),
@@ -67,11 +68,6 @@ def public_objects() -> dict[str, list[Any]]:
         rp.WorldRegion.from_points(demo.points[members]).seen_from(np.zeros(3)),
         rp.ImageRegion.from_polygon([[10, 10], [110, 10], [110, 60], [10, 60]], hidden_edges=[1]),
         rp.ImageRegion.from_mask(np.pad(np.ones((20, 30)), 5)),
-        rp.FisheyeCamera(300.0, 300.0, 320.0, 240.0, width=640, height=480),
-        rp.UnifiedCamera(300.0, 300.0, 320.0, 240.0, xi=0.9, width=640, height=480),
-        rp.OcamCamera((200.0, 0.0, -1e-3), (320.0, 240.0), width=640, height=480),
-        rp.FovCamera(300.0, 300.0, 320.0, 240.0, omega=1.2, width=640, height=480),
-        rp.EquirectangularCamera(width=1000, height=500),
         rp.Alternative(pose, np.eye(6), 0.5, 0.5, 0.1, np.zeros(2)),
         rp.Crease((0, 1), np.zeros((2, 3))),
         rp.CameraRefinement(demo.camera, pose, "refined", ("fx",), np.zeros(1), np.zeros(1), np.eye(7), (), (1.0, 0.5)),
@@ -88,6 +84,17 @@ def public_objects() -> dict[str, list[Any]]:
             if getattr(rp, name, None) is type(part) or part is scene:
                 found.setdefault(name, []).append(part)
     return found
+
+
+def cameras() -> list[Any]:
+    """One of each model but the demo's."""
+    return [
+        rp.FisheyeCamera(300.0, 300.0, 320.0, 240.0, width=640, height=480),
+        rp.UnifiedCamera(300.0, 300.0, 320.0, 240.0, xi=0.9, width=640, height=480),
+        rp.OcamCamera((200.0, 0.0, -1e-3), (320.0, 240.0), width=640, height=480),
+        rp.FovCamera(300.0, 300.0, 320.0, 240.0, omega=1.2, width=640, height=480),
+        rp.EquirectangularCamera(width=1000, height=500),
+    ]
 
 
 def parts_of(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -16,6 +16,7 @@ import pytest
 import regionpose as rp
 from commands import run
 from made_up_worlds import World, made_world, pose_of
+from pick_sessions import holds
 from PIL import Image
 from regionpose.alignment import pose_search
 from regionpose.clouds import Cloud, write_ply
@@ -36,7 +37,6 @@ SHARED = {"initial_rotation_sigma_deg": 5.0, "initial_center_sigma_m": 0.3, "up"
 PRIOR = {"initial": {"camera_from_world": {"matrix": pose_of(45.0).matrix.tolist()}}, **SHARED}
 """With which few poses are enough to find the true one."""
 
-WAIT_S = 120.0
 SOON_S = 20.0
 """Seconds after which work that nobody waits for has ended."""
 
@@ -86,14 +86,6 @@ def opened(session: Session) -> Iterator[Desk]:
         yield desk
     finally:
         desk.close()
-
-
-def holds(condition: Callable[[], bool], seconds: float = WAIT_S) -> bool:
-    """Whether a condition comes to hold in time."""
-    until = time.monotonic() + seconds
-    while not condition() and time.monotonic() < until:
-        time.sleep(0.01)
-    return condition()
 
 
 def settled(desk: Desk, state: str = "ready") -> bool:

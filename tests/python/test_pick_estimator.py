@@ -5,14 +5,14 @@ from __future__ import annotations
 import io
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
-from pick_sessions import BOARD, CHALKBOARD, DOOR, click_sign, demo_session
+from pick_sessions import BOARD, CHALKBOARD, DOOR, WAIT_S, click_sign, demo_session, holds
 from PIL import Image
 from regionpose.pick import estimator
 from regionpose.pick.desk import Desk
@@ -24,7 +24,6 @@ from regionpose.progress import UnwantedError, check_wanted, while_wanted
 from regionpose.scene import Stages
 from regionpose.scene.estimate import with_edges
 
-WAIT_S = 60.0
 """Seconds that a busy machine may take for what takes one."""
 
 SOON_S = 5.0
@@ -45,14 +44,6 @@ def pairs(tmp_path_factory: pytest.TempPathFactory) -> Session:
 def session(pairs: Session) -> Session:
     """One of its own, to edit."""
     return copy(pairs)
-
-
-def holds(condition: Callable[[], bool], seconds: float = WAIT_S) -> bool:
-    """Whether a condition comes to hold in time."""
-    until = time.monotonic() + seconds
-    while not condition() and time.monotonic() < until:
-        time.sleep(0.01)
-    return condition()
 
 
 def settled(desk: Desk, state: str) -> bool:

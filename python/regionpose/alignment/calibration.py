@@ -31,7 +31,8 @@ from regionpose.progress import Progress, part
 Array = NDArray[np.float64]
 
 SEARCHED, FOCAL_TRIED = 0.75, 0.95
-"""Shares of the time after which maxima are found, and other focal lengths tried: of street frames."""
+"""Shares of the time after which maxima are found, and other focal lengths tried: about those of a
+street frame, for who waits."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,7 +56,7 @@ class Calibration(KeptArrays):
     edges : int
         How many edges of the clouds are in view at the pose, away from the regions.
     modes : tuple of EdgeMode
-        All maxima of the posterior that edges led to, of the largest mass first.
+        All maxima of the posterior by edges, of the largest mass first.
     alignments : tuple of Alignment
         How well photo and cloud of each frame agree at the pose.
     regions : PoseEstimate or None
@@ -192,7 +193,7 @@ def calibrate_with(
         raise PoseError(_nothing_shown(edges))
     places = places_of(explained.hypotheses)
     best = places[0].best
-    if regions is not None and best.answer:
+    if regions is not None and places[0].answer:
         regions = regions.first_at(best.pose)
     by_focal = ByFocal.of(
         edges, best, known, None if regions is None else without_calibration(regions.estimate, solver)

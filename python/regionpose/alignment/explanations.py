@@ -18,10 +18,13 @@ from regionpose.alignment.pose_search import Density, EdgeMode, search_about, se
 from regionpose.estimation.answer import PoseEstimate
 from regionpose.estimation.options import Solver
 from regionpose.estimation.prior import Prior
-from regionpose.progress import Progress, part
+from regionpose.progress import Progress, part, told_each
 
 LEAST_PRIOR = 1e-4
 """Least probability of an answer of regions about which edges are looked at: a hundredth of what all of them leave."""
+
+ANSWERS_SEARCHED = 0.4
+"""Share of the time after which edges about the answers are looked at, for who waits: of one answer and the prior."""
 
 NEGLIGIBLE = 1e-3
 """Probability that all answers of regions are wrong, once edges about them were looked at, below which the whole prior
@@ -30,7 +33,7 @@ is not searched, which takes most of the time: a thirtieth of what a trusted pos
 
 @dataclass(frozen=True, eq=False)
 class Explanations:
-    """`hypotheses`: with their weights. `none`: the weight of none of them. `modes`: all maxima that edges led to."""
+    """`hypotheses`: with their weights. `none`: the weight of none of them. `modes`: all maxima by edges."""
 
     hypotheses: tuple[Hypothesis, ...]
     none: float
@@ -69,13 +72,14 @@ def explained_with_regions(
     shares, known, modes = priors_of(regions, hidden), without_calibration(regions, solver), []
     none = max(1.0 - float(shares.sum()), 0.0)
     hypotheses = []
-    for number, (answer, share) in enumerate(zip(answers_of(known), shares.tolist(), strict=True)):
+    pairs = list(zip(answers_of(known), shares.tolist(), strict=True))
+    for number, ((answer, share), own) in enumerate(told_each(pairs, part(progress, 0.0, ANSWERS_SEARCHED))):
         if share <= 0.0:
             continue
         found = []
         if share >= LEAST_PRIOR and is_covariance(answer.covariance):
             density = Density.student(answer.pose, answer.covariance, frames[0].origin)
-            found = search_about(frames, answer.pose, density)
+            found = search_about(frames, answer.pose, density, progress=own)
         # Without an edge in view it is all the same whether edges say something.
         silent = share * SILENT_PRIOR if found else share
         whole = answers_of(regions)[number].covariance
@@ -86,7 +90,7 @@ def explained_with_regions(
     left = float(expit(np.log(max(none, 1e-300)) - log_sum(hypotheses)))
     if _says_where(prior) and left > NEGLIGIBLE:
         starts = [answer.pose for answer in answers_of(regions)]
-        found = search_prior(frames, prior, starts, progress=part(progress, 0.3, 1.0))
+        found = search_prior(frames, prior, starts, progress=part(progress, ANSWERS_SEARCHED, 1.0))
         hypotheses += [_of_mode(mode, none * (1.0 - CHANCE_PRIOR)) for mode in found]
         modes += found
         none *= CHANCE_PRIOR if found else 1.0

@@ -228,9 +228,9 @@ def _weakness(estimate: PoseEstimate, solver: Solver) -> list[PoseWarning]:
 
 
 def _doubt(estimate: PoseEstimate, warnings: Sequence[PoseWarning]) -> list[PoseWarning]:
-    """A low confidence, where no other warning tells why."""
-    told = {"ambiguous", "ambiguous-region", "scene-disagrees", "focal-contradicted"}
-    if estimate.confidence >= _core.TRUSTED or any(warning.code in told for warning in warnings):
+    """A low confidence, where no other warning explains it."""
+    causes = {"ambiguous", "ambiguous-region", "scene-disagrees", "focal-contradicted"}
+    if estimate.confidence >= _core.TRUSTED or any(warning.code in causes for warning in warnings):
         return []
     text = "too few edges of photo and cloud agree: confidence {percent:.0f} %"
     if len(estimate.region_overlap_errors):

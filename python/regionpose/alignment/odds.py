@@ -20,8 +20,8 @@ HIDDEN = -DECISIVE
 stands before a region in one cloud of 70."""
 
 SILENT_PRIOR = 0.1
-"""Probability that edges say nothing at a right answer of regions, whatever photo and cloud hold: of 21 true poses one
-has log odds below 0 (`python -m benchmarks.agreement`), by Laplace's rule of succession."""
+"""Probability that edges are uninformative at a right answer of regions, whatever photo and cloud hold: of 21 true
+poses one has log odds below 0 (`python -m benchmarks.agreement`), by Laplace's rule of succession."""
 
 CHANCE_PRIOR = 0.5
 """Probability that photo and cloud agree at no pose of a prior, as those of different scenes: a convention."""

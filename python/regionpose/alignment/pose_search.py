@@ -86,7 +86,9 @@ def search_prior(
     return _in_world(modes, density.origin)
 
 
-def search_about(frames: Sequence[EdgeFrame], pose: Pose, density: Density) -> list[EdgeMode]:
+def search_about(
+    frames: Sequence[EdgeFrame], pose: Pose, density: Density, *, progress: Progress | None = None
+) -> list[EdgeMode]:
     """The maxima of the posterior about a pose, by the edges beside the frames' regions; that of the largest mass
     first.
     """
@@ -95,8 +97,10 @@ def search_about(frames: Sequence[EdgeFrame], pose: Pose, density: Density) -> l
     def seen_from(center: Array) -> list[_core.AlignmentFrame]:
         return [frame.seen_from(center, with_regions=False) for frame in frames]
 
-    modes = density.modes(seen_from(local.camera_center), [local], LOCAL_DRAWS, LOCAL_KEPT)
-    return _in_world(_or_seen_anew(modes, density, seen_from, local.camera_center), density.origin)
+    about = part(progress, 0.0, MAXIMA_FOUND)
+    modes = density.modes(seen_from(local.camera_center), [local], LOCAL_DRAWS, LOCAL_KEPT, about)
+    modes = _or_seen_anew(modes, density, seen_from, local.camera_center, part(progress, MAXIMA_FOUND, 1.0))
+    return _in_world(modes, density.origin)
 
 
 class Density(NamedTuple):

@@ -13,9 +13,9 @@ import typer
 
 from regionpose import __version__
 from regionpose.cli import calibrate, demo, estimate, evaluate, export, fuse, info, pick, project, schema, segment
-from regionpose.cli.console import one_line
+from regionpose.cli.console import BAD_INPUT, error_code, one_line
 
-FINE, BAD_INPUT, NO_POSE, INTERRUPTED, TERMINATED = 0, 2, 3, 130, 143
+FINE, INTERRUPTED, TERMINATED = 0, 130, 143
 
 HELP = """Estimate where a camera stood, from flat regions that its photo and a point cloud both show.
 
@@ -96,7 +96,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         code = INTERRUPTED if isinstance(end.__context__, typer.Abort) else end.code
         return code if isinstance(code, int) else FINE
     except (ValueError, OSError) as error:
-        return _failed(one_line(error), NO_POSE if _is_pose_error(error) else BAD_INPUT)
+        return _failed(one_line(error), error_code(error))
     except ImportError as error:
         if not _is_missing_extra(error):
             raise
@@ -125,12 +125,6 @@ def _is_missing_extra(error: ImportError) -> bool:
     from regionpose.clouds import MissingExtraError
 
     return isinstance(error, MissingExtraError)
-
-
-def _is_pose_error(error: BaseException) -> bool:
-    from regionpose.estimation.answer import PoseError
-
-    return isinstance(error, PoseError)
 
 
 def _failed(message: str, code: int) -> int:

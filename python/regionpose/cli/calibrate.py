@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -30,6 +31,7 @@ from regionpose.cli.recordings import Choice, recording_scene
 from regionpose.outputs import text_writer
 
 if TYPE_CHECKING:
+    from regionpose.scene import Scene
     from regionpose.scene.folder import FolderOptions
 
 
@@ -129,7 +131,7 @@ def calibrate(
       regionpose calibrate drive --json --quiet | jq .camera_from_world.matrix
     """
     from regionpose.bags.place import is_bag
-    from regionpose.scene.folder import camera_folders, folder_scene, pair_scene
+    from regionpose.scene.folder import camera_folders
 
     if len(paths) > 2:
         raise ValueError(f"found {len(paths)} paths; needed a folder, a bag, or a photo and a cloud")
@@ -153,17 +155,7 @@ def calibrate(
         return
     known.check([])
     options = replace(options, prior=known.prior())
-    remarks: list[str] = []
-    with Progress(quiet) as progress:
-        if is_recording:
-            scene, remarks = recording_scene(paths[0], result / SCENE_FILE, options, choice, progress)
-        elif len(paths) == 1:
-            progress.begin("pairs of the folder")
-            scene, alone = folder_scene(paths[0], result / SCENE_FILE, options)
-            remarks = left_out(alone)
-        else:
-            progress.begin("files")
-            scene = pair_scene(paths[0], paths[1], result / SCENE_FILE, options)
+    scene, remarks = _scene(paths, result / SCENE_FILE, options, choice if is_recording else None, quiet=quiet)
     say_remarks(remarks, quiet)
     run_scene(
         asking(scene, segmenter),
@@ -174,6 +166,25 @@ def calibrate(
         strict=strict,
         extra={SCENE_FILE: text_writer(scene.document.content.decode())},
     )
+
+
+def _scene(
+    paths: Sequence[Path], path: Path, options: FolderOptions, choice: Choice | None, *, quiet: bool
+) -> tuple[Scene, list[str]]:
+    """The scene at `path` of a recording, if there is a choice of its photos, a folder, or a photo and a cloud; and
+    remarks.
+    """
+    from regionpose.scene.folder import folder_scene, pair_scene
+
+    with Progress(quiet) as progress:
+        if choice is not None:
+            return recording_scene(paths[0], path, options, choice, progress)
+        if len(paths) == 1:
+            progress.begin("pairs of the folder")
+            scene, alone = folder_scene(paths[0], path, options)
+            return scene, left_out(alone)
+        progress.begin("files")
+        return pair_scene(paths[0], paths[1], path, options), []
 
 
 def _photo_and_cloud(first: Path, second: Path) -> tuple[Path, Path]:

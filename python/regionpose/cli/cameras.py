@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
-from regionpose.cli.console import Progress, one_line, say_json, say_remarks
+from regionpose.cli.console import BAD_INPUT, Progress, error_code, one_line, say_json, say_remarks
 from regionpose.cli.estimate import DOUBTED, WARNED, Outcome, exit_code, scene_outcome
 from regionpose.outputs import refuse_existing, text_writer
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 SCENE_FILE = "scene.yaml"
 
-BAD_INPUT = 2
 BY_SEVERITY = (0, WARNED, DOUBTED, BAD_INPUT)
 """Exit codes of cameras, the worst last."""
 
@@ -83,7 +82,7 @@ def run_cameras(
                 try:
                     outcomes[name] = scene_outcome(scene, out / name, stages, force=force, extra=extra)
                 except (ValueError, OSError) as error:
-                    outcomes[name] = Failed(one_line(error), _code_of(error))
+                    outcomes[name] = Failed(one_line(error), error_code(error))
     if as_json:
         say_json({"cameras": {name: _values(outcome) for name, outcome in outcomes.items()}})
     else:
@@ -95,12 +94,6 @@ def run_cameras(
     worst = max(codes, key=BY_SEVERITY.index)
     if worst:
         raise typer.Exit(worst)
-
-
-def _code_of(error: BaseException) -> int:
-    from regionpose.estimation.answer import PoseError
-
-    return DOUBTED if isinstance(error, PoseError) else BAD_INPUT
 
 
 def _values(outcome: Outcome | Failed) -> dict[str, Any]:

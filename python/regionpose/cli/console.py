@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 
+BAD_INPUT, NO_POSE = 2, 3
+"""Exit codes of errors."""
+
 SHOWN_AFTER_S = 1.0
 """Seconds that work takes before its progress is shown."""
 
@@ -111,6 +114,13 @@ def say_remarks(remarks: Sequence[str], quiet: bool) -> None:
     for remark in remarks:
         if not quiet or remark.startswith("warning:"):
             typer.echo(remark, err=True)
+
+
+def error_code(error: BaseException) -> int:
+    """The exit code of an error."""
+    from regionpose.estimation.answer import PoseError
+
+    return NO_POSE if isinstance(error, PoseError) else BAD_INPUT
 
 
 def one_line(error: BaseException) -> str:

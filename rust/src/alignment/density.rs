@@ -11,13 +11,13 @@ use crate::prior::Prior;
 /// Degrees of freedom of Student's distribution of the error of a pose whose covariance is known but roughly.
 pub const FREEDOM: f64 = 4.0;
 
-/// Nodes of the rule over scales: the mass of a normal likelihood is exact to a hundredth.
+/// Nodes of the rule over scales: the logarithm of the mass is exact to 0.1 within three deviations, and to 0.3 at six.
 const SCALES: usize = 12;
 
 /// Information below this share of the largest is none: rounding.
 const OPEN: f64 = 1e-12;
 
-/// Least scale of Student's deviates: one in a million is below.
+/// Least scale of Student's deviates: fewer than one in a million are below.
 const LEAST_SCALE: f64 = 0.02;
 
 /// Variance of an angle that may be any, rad^2: a uniform one's.
@@ -99,8 +99,8 @@ impl PoseDensity {
         let along = eigen.eigenvectors.tr_mul(&way);
         let of_scale = |[scale, weight]: [f64; 2]| {
             let factors = eigen.eigenvalues.iter().zip(along.iter()).map(|(curved, off)| {
-                // No likelihood is taken to rise on both sides of its maximum with the density.
-                let together = curved.max(0.0) + scale;
+                // The likelihood's own maximum, beyond that with the density, is not looked at: taken to be at most e times as high.
+                let together = curved.max(0.5 * (pull * off).powi(2)) + scale;
                 0.5 * ((scale / together).ln() + (off * (pull - scale)).powi(2) / together)
             });
             weight.ln() - 0.5 * scale * squares + factors.sum::<f64>()

@@ -15,8 +15,7 @@ const SECTORS: usize = 8;
 /// would magnify range noise.
 const MOST_REACH: f64 = 2.0;
 
-/// How many times as large as the mean change of shade between neighbors, and as the changes beside it, a step is. Conventions: with
-/// twice and four times the mean an earlier measure of agreement gave true poses lower log odds.
+/// How many times as large as the mean change of shade between neighbors, and as the changes beside it, a step is. Conventions.
 const OF_MEAN: f64 = 3.0;
 const OF_BESIDE: f64 = 2.0;
 

@@ -360,3 +360,18 @@ fn integrals_of_students_density_and_a_likelihood_are_those_of_draws() {
     }
     assert!(PoseDensity::of_prior(&near(0.4)).unwrap().log_integral(&pose, &Matrix6::identity()).is_none());
 }
+
+/// Where the likelihood is not seen to end, as by slopes of noise, the mass stays about the height.
+#[test]
+fn integrals_stay_bounded_where_a_likelihood_is_flat_beside_the_middle() {
+    let (density, pose, covariance) = student(2e-3, 0.05);
+    let root = covariance.cholesky().unwrap().l();
+    let inverse = root.try_inverse().unwrap();
+    for off in [0.3, 1.0, 2.0, 4.0] {
+        let white = Vector6::new(off, 0.0, 0.0, 0.0, 0.0, 0.0);
+        let pull = 10.0 / (4.0 + off * off);
+        let own = (Matrix6::identity() - white * white.transpose() * (2.0 / (4.0 + off * off))) * pull;
+        let found = density.log_integral(&pose.moved(&(root * white)), &(inverse.transpose() * own * inverse)).unwrap();
+        assert!(found < 1.0, "{off}: {found}");
+    }
+}
