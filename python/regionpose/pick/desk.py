@@ -81,7 +81,7 @@ class Desk:
         """Estimate the session's pose, of which nothing is known yet; none where nothing gives one."""
         session = self.session
         self.outcome = Outcome("busy", searches_edges=session.searches_edges) if session.has_estimate else Outcome()
-        # Also where there is nothing to be estimated: what runs is cancelled.
+        # Also where there is nothing to be estimated: what runs is canceled.
         self._estimator.begin()
 
     def _look_at(self, session: Session) -> None:

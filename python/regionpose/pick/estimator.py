@@ -55,7 +55,7 @@ class Running:
     @property
     def said(self) -> str:
         """The stage, the share of it that is done, and the seconds since the start; nothing where it has ended or
-        was cancelled.
+        was canceled.
         """
         if self.ended or not self.is_wanted or not self.stage:
             return ""
