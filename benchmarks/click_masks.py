@@ -21,8 +21,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
-from regionpose.pick.parts import ImagePart
-from regionpose.pick.proposals import mask_choices
+from regionpose.app.parts import ImagePart
+from regionpose.app.proposals import mask_choices
 from scipy.ndimage import distance_transform_edt
 
 from benchmarks.image_segmentation import FAILED_IOU, deepest

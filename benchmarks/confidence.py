@@ -21,7 +21,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from regionpose import _core
-from regionpose.estimation.sides import observed_regions
 from regionpose.evaluation.measures import rotation_error
 from regionpose.evaluation.studies.conditions import Condition, Cut, Mistake, NoiseModel
 from regionpose.evaluation.studies.mistakes import draw_mistaken_problem
@@ -29,6 +28,7 @@ from regionpose.evaluation.studies.mixes import draw_mixed_problem
 from regionpose.evaluation.studies.problems import StudyProblem
 from regionpose.evaluation.studies.study import benchmark_setups
 from regionpose.evaluation.studies.trust import WRONG_DEG
+from regionpose.solve.core_inputs import observed_regions
 from rich.progress import track
 from scipy.optimize import minimize
 from scipy.special import expit

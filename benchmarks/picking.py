@@ -32,14 +32,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from regionpose.estimation.prior import UP_SIGMA_DEG
-from regionpose.pick.known import Known
-from regionpose.pick.range_view import PIXELS_PER_SPACING, RangeView
-from regionpose.pick.session import Session
-from regionpose.pose import Pose
+from regionpose.app.known import Known
+from regionpose.app.range_view import PIXELS_PER_SPACING, RangeView
+from regionpose.app.session import Session
+from regionpose.geometry.pose import Pose
+from regionpose.io.yaml_text import to_yaml
 from regionpose.scene import SceneEstimate
 from regionpose.scene.verdict import TRUSTED, verdict
-from regionpose.yaml_text import to_yaml
+from regionpose.solve.prior import UP_SIGMA_DEG
 
 from benchmarks.real_scenes import DEFAULT_DATA, camera_item, cloud_file, errors_of
 

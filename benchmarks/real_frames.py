@@ -32,8 +32,8 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.calibration.poses import read_pose
 from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
+from regionpose.io.calibrations.poses import read_pose
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 

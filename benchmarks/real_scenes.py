@@ -38,10 +38,10 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from regionpose.cameras import Camera
+from regionpose.io.yaml_text import to_yaml
 from regionpose.regions.outline import SparseSamplingWarning
 from regionpose.scene import SceneSides, Stages, estimate_scene, load_scene, scene_sides
 from regionpose.scene.bundle import bundle
-from regionpose.yaml_text import to_yaml
 
 Array = NDArray[np.float64]
 Plain = dict[str, Any]

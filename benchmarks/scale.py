@@ -25,11 +25,11 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
-from regionpose.pick.desk import Desk
-from regionpose.pick.session import Session
+from regionpose.app.desk import Desk
+from regionpose.app.session import Session
+from regionpose.io.yaml_text import to_yaml
 from regionpose.scene import Stages, estimate_scene, load_scene
 from regionpose.scene.bundle import bundle
-from regionpose.yaml_text import to_yaml
 
 Array = NDArray[np.float64]
 

@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
+from regionpose.io.yaml_text import to_yaml
 from regionpose.scene import SceneSides, estimate_scene, load_scene, scene_sides
 from regionpose.scene.models import PLANES
-from regionpose.yaml_text import to_yaml
 
 from benchmarks.picking import frames
 from benchmarks.real_scenes import DEFAULT_DATA, camera_item, cloud_file, errors_of, scanner_of

@@ -26,9 +26,9 @@ from typing import NamedTuple
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "python"))
 
 from regionpose.cli import main as command
-from regionpose.outputs import text_writer, write_files
-from regionpose.outputs.hidden import HIDDEN
-from regionpose.outputs.placing import JOURNAL, NEW
+from regionpose.io.outputs import text_writer, write_files
+from regionpose.io.outputs.hidden import HIDDEN
+from regionpose.io.outputs.placing import JOURNAL, NEW
 from scene_files import write_scene
 
 NAMES = ("overlay.png", "report.html", "result.json")

@@ -24,9 +24,9 @@ from pathlib import Path
 from random import Random
 
 from mutation import mutated
-from regionpose.calibration import CalibrationError
-from regionpose.clouds import CloudError
-from regionpose.reading import FileError
+from regionpose.io.calibrations import CalibrationError
+from regionpose.io.clouds import CloudError
+from regionpose.io.reading import FileError
 from regionpose.scene import SceneError
 from samples import Sample, samples
 

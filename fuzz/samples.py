@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import seals
 from PIL import Image
-from regionpose.yaml_text import to_yaml
+from regionpose.io.yaml_text import to_yaml
 
 # What writes bags is the tests'.
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "python"))
@@ -116,7 +116,7 @@ def samples(calibrations: Path) -> list[Sample]:
 
 
 def _clouds() -> list[Sample]:
-    from regionpose.clouds import Cloud, read_cloud
+    from regionpose.io.clouds import Cloud, read_cloud
 
     cloud = Cloud(POINTS, colors=np.full((24, 3), 9, np.uint8), intensity=np.arange(24.0), triangles=_triangles())
     files = {
@@ -149,14 +149,14 @@ def _clouds() -> list[Sample]:
 
 def _every_mask(path: Path) -> int:
     """How many pixels the masks of a file cover, each made and dropped."""
-    from regionpose.segmentation.masks import masks_from_file
+    from regionpose.io.masks.readers import masks_from_file
 
     return sum(int(mask.sum()) for mask in masks_from_file(path).values())
 
 
 def _pictures() -> list[Sample]:
     from regionpose.cameras import PinholeCamera
-    from regionpose.clouds import cloud_from_depth
+    from regionpose.io.clouds import cloud_from_depth
     from regionpose.scene.sensors import read_picture
 
     camera = PinholeCamera(20.0, 20.0, 8.0, 6.0)
@@ -198,10 +198,10 @@ def _labeled() -> dict[str, object]:
 
 
 def _texts() -> list[Sample]:
-    from regionpose.calibration.poses import read_pose
     from regionpose.cli.info import file_facts
+    from regionpose.io.calibrations.poses import read_pose
+    from regionpose.io.masks.readers import regions_from_file
     from regionpose.scene import load_scene
-    from regionpose.segmentation.masks import regions_from_file
 
     lidar = {"results": {"T_lidar_camera": [1, 2, 3, 0, 0, 0, 1]}}
     matrix = "\n".join(" ".join(map(str, row)) for row in np.eye(4))
@@ -223,8 +223,8 @@ def _texts() -> list[Sample]:
 
 
 def _arrays() -> list[Sample]:
-    from regionpose.calibration.poses import read_pose
-    from regionpose.reading import read_array
+    from regionpose.io.calibrations.poses import read_pose
+    from regionpose.io.reading import read_array
 
     return [
         Sample("pose.npy", _npy(np.eye(4)), read_pose),
@@ -234,13 +234,13 @@ def _arrays() -> list[Sample]:
 
 
 def _topic(path: Path, topic: str) -> object:
-    from regionpose.clouds import read_cloud
+    from regionpose.io.clouds import read_cloud
 
     return read_cloud(f"{path}#{topic}")
 
 
 def _calibration(path: Path, topic: str) -> object:
-    from regionpose.calibration import load_camera
+    from regionpose.io.calibrations import load_camera
 
     return load_camera(f"{path}#{topic}")
 
@@ -252,7 +252,7 @@ def _livox(kind: str) -> bytes:
 
 def _bags() -> list[Sample]:
     from regionpose.cli.info import file_facts
-    from regionpose.clouds import read_cloud
+    from regionpose.io.clouds import read_cloud
     from regionpose.scene.sensors import read_picture
 
     def scan(path: Path) -> object:
@@ -282,7 +282,7 @@ def _bags() -> list[Sample]:
 
 
 def _calibrations(folder: Path) -> list[Sample]:
-    from regionpose.calibration import load_camera, load_lidar_pose
+    from regionpose.io.calibrations import load_camera, load_lidar_pose
 
     held = [Sample(path.name, path.read_bytes(), load_camera) for path in sorted(folder.iterdir())]
     lidar = [
@@ -305,7 +305,7 @@ def _triangles() -> Any:
 
 
 def _stored(cloud: Any, kind: str) -> bytes:
-    from regionpose.clouds import write_ply
+    from regionpose.io.clouds import write_ply
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"cloud.{kind}"

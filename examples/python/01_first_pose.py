@@ -9,7 +9,7 @@ photo and the lidar points on them are all that the pose needs: no point corresp
 import matplotlib.pyplot as plt
 import numpy as np
 import regionpose as rp
-from regionpose.demo import scene
+from regionpose.datasets import demo as scene
 
 demo = scene.load()
 image_regions = [rp.ImageRegion.from_mask(demo.labels == region.label) for region in demo.regions]

@@ -10,7 +10,7 @@ apart.
 import matplotlib.pyplot as plt
 import numpy as np
 import regionpose as rp
-from regionpose.demo import scene
+from regionpose.datasets import demo as scene
 
 demo = scene.load()
 chosen = [demo.region(name) for name in ("door", "notice-board", "chalkboard")]

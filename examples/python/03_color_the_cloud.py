@@ -8,7 +8,7 @@ With the pose, the photo's colors go to the points that the camera sees. Hidden 
 import matplotlib.pyplot as plt
 import numpy as np
 import regionpose as rp
-from regionpose.demo import scene
+from regionpose.datasets import demo as scene
 
 demo = scene.load()
 image_regions = [rp.ImageRegion.from_mask(demo.labels == region.label) for region in demo.regions]

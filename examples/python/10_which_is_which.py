@@ -8,7 +8,7 @@ Which region is which
 import matplotlib.pyplot as plt
 import numpy as np
 import regionpose as rp
-from regionpose.demo import scene
+from regionpose.datasets import demo as scene
 
 demo = scene.load()
 order = np.random.default_rng(7).permutation(len(demo.regions))

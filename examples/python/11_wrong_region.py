@@ -8,7 +8,7 @@ With three regions or more, one that does not belong is found, named and left ou
 import matplotlib.pyplot as plt
 import numpy as np
 import regionpose as rp
-from regionpose.demo import scene
+from regionpose.datasets import demo as scene
 
 demo = scene.load()
 names = [region.name for region in demo.regions]

@@ -8,7 +8,7 @@ How a pose comes out of regions, step by step, on the demo.
 import matplotlib.pyplot as plt
 import numpy as np
 import regionpose as rp
-from regionpose.demo import scene
+from regionpose.datasets import demo as scene
 
 demo = scene.load()
 image_regions = [rp.ImageRegion.from_mask(demo.labels == region.label) for region in demo.regions]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.bags.messages import FURTHER_TYPES
+from regionpose.io.bags.messages import FURTHER_TYPES
 from rosbags import rosbag1, rosbag2, typesys
 
 SECOND, BEGIN = 10**9, 1_700_000_000 * 10**9

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from regionpose.clouds import Cloud
+from regionpose.io.clouds import Cloud
 
 POINTS = np.array([[1.0, 2.0, 3.0], [-4.5, 0.25, 8.0], [0.0, 0.125, -7.5], [100.5, 200.25, -3.75]])
 COLORS = np.array([[255, 0, 7], [1, 2, 3], [0, 0, 0], [10, 128, 254]], dtype=np.uint8)

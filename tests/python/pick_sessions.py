@@ -7,8 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypedDict
 
-from regionpose.demo.scene import folder
-from regionpose.pick.session import Session
+from regionpose.app.session import Session
+from regionpose.datasets.demo import folder
 
 
 class DemoFiles(TypedDict):

@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 import numpy as np
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
 
 POSE = Pose.from_quat(np.array([0.43, -0.51, 0.52, 0.53]) / np.linalg.norm([0.43, -0.51, 0.52, 0.53]), [0.2, -0.3, 0.5])
 PLACE = POSE.inverse()

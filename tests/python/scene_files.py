@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose import PinholeCamera, Pose
-from regionpose.yaml_text import to_yaml
+from regionpose.io.yaml_text import to_yaml
 from scipy.spatial.transform import Rotation
 
 WIDTH, HEIGHT = 320, 240

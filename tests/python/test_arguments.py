@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import regionpose as rp
 from card_scenes import CAMERA, POSE
-from regionpose.arguments import checked_arguments
 from regionpose.scene import Scene
+from regionpose.validation.arguments import checked_arguments
 
 PHOTO = np.full((480, 640, 3), 90, dtype=np.uint8)
 SIGN = np.array([[0.0, 0.0, 4.0], [0.8, 0.0, 4.0], [0.8, 0.4, 4.0], [0.4, 0.4, 4.0], [0.4, 1.0, 4.0], [0.0, 1.0, 4.0]])

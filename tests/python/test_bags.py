@@ -14,13 +14,13 @@ import pytest
 import regionpose as rp
 from bag_files import BEGIN, KINDS, PACKED, PIXELS, SCANS, Bag, filled, livox_bag, points_of
 from numpy.typing import NDArray
-from regionpose.bags.pictures import read_bag_picture
-from regionpose.bags.place import BagPlace, bag_place, is_there
-from regionpose.bags.unfolding import _install
-from regionpose.calibration import load_camera
 from regionpose.cameras import PinholeCamera
-from regionpose.clouds import CloudError, MissingExtraError, read_cloud
-from regionpose.reading import FileError
+from regionpose.io.bags.pictures import read_bag_picture
+from regionpose.io.bags.place import BagPlace, bag_place, is_there
+from regionpose.io.bags.unfolding import _install
+from regionpose.io.calibrations import load_camera
+from regionpose.io.clouds import CloudError, MissingExtraError, read_cloud
+from regionpose.io.reading import FileError
 from regionpose.scene import load_scene, scene_sides
 from regionpose.scene.inputs import input_values
 from regionpose.scene.sensors import read_picture
@@ -272,7 +272,7 @@ def test_compressed_bags_are_read(kind: str, packed: str, tmp_path: Path) -> Non
 def test_a_small_bag_that_unfolds_to_very_much_is_refused(
     kind: str, packed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("regionpose.reading.FREE_BYTES", 10**6)
+    monkeypatch.setattr("regionpose.io.reading.FREE_BYTES", 10**6)
     bag = filled(kind, packed)
     bag.picture(BEGIN, np.zeros((3000, 4000), np.uint8), "mono8", topic="/large")
     path = bag.write(tmp_path)

@@ -10,8 +10,8 @@ import pytest
 from bare_rows import scanned_rows
 from numpy.typing import NDArray
 from regionpose.cli import main
-from regionpose.clouds import CloudError, read_cloud
-from regionpose.clouds.row_width import FEWEST_VALUES, LEAST_GAIN, row_width
+from regionpose.io.clouds import CloudError, read_cloud
+from regionpose.io.clouds.row_width import FEWEST_VALUES, LEAST_GAIN, row_width
 from regionpose.scene import load_scene
 from regionpose.scene.inputs import named_files
 from regionpose.scene.sensors import scene_cloud
@@ -111,7 +111,7 @@ def test_no_returns_do_not_hide_the_count() -> None:
 
 
 def test_mutual_information_is_that_of_its_definition() -> None:
-    from regionpose.clouds.row_width import _information
+    from regionpose.io.clouds.row_width import _information
 
     # Rows of weights 1/4 and 3/4, of which the first is always 0 and the second 0 or 1 alike: H(row) + H(column) - H.
     found = _information(np.array([[1000, 0], [1500, 1500]]))

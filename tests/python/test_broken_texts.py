@@ -7,13 +7,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from regionpose.calibration import load_camera
-from regionpose.calibration.poses import read_pose
-from regionpose.clouds import read_cloud
-from regionpose.json_text import joined_pairs, json_value
+from regionpose.io.calibrations import load_camera
+from regionpose.io.calibrations.poses import read_pose
+from regionpose.io.clouds import read_cloud
+from regionpose.io.json_text import joined_pairs, json_value
+from regionpose.io.masks.readers import masks_from_file
+from regionpose.io.text_error import TextError
 from regionpose.scene import load_scene
-from regionpose.segmentation.masks import masks_from_file
-from regionpose.text_error import TextError
 from scene_files import scene_values
 
 SAMPLES = Path(__file__).parent / "samples"

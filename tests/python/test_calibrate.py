@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.alignment import pose_search
 from regionpose.alignment.edge_frame import EdgeFrame
-from regionpose.estimation.options import EXACT_EXPOSURE
-from regionpose.estimation.prior import MOUNT_SIGMA_M
 from regionpose.progress import UnwantedError, while_wanted
+from regionpose.solve.options import EXACT_EXPOSURE
+from regionpose.solve.prior import MOUNT_SIGMA_M
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from regionpose.calibration import CalibrationError, load_camera, load_lidar_pose
 from regionpose.cameras import Camera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
+from regionpose.io.calibrations import CalibrationError, load_camera, load_lidar_pose
 
 SAMPLES = Path(__file__).parent / "samples"
 DATA = Path(__file__).parents[2].parent / "shared" / "data"

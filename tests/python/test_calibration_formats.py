@@ -24,10 +24,10 @@ from calibration_files import (
     STORAGE,
     VINS,
 )
-from regionpose.calibration import CalibrationError, load_camera, load_lidar_pose
-from regionpose.calibration.kinds import calibration_kind
 from regionpose.cameras import Camera, EquirectangularCamera, FisheyeCamera, FovCamera, PinholeCamera, UnifiedCamera
 from regionpose.cli.app import main
+from regionpose.io.calibrations import CalibrationError, load_camera, load_lidar_pose
+from regionpose.io.calibrations.kinds import calibration_kind
 
 
 @pytest.mark.parametrize("file", FILES)

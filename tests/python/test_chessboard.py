@@ -9,9 +9,9 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.pick.proposals import mask_choices
-from regionpose.segmentation.chessboard import chessboard_around
-from regionpose.segmentation.x_corners import x_corners
+from regionpose.app.proposals import mask_choices
+from regionpose.segment.chessboard import chessboard_around
+from regionpose.segment.x_corners import x_corners
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 

@@ -12,11 +12,11 @@ import pytest
 from commands import run
 from PIL import Image
 from regionpose import Pose, __version__
-from regionpose.calibration import load_camera
-from regionpose.calibration.poses import read_pose
 from regionpose.cli import main
-from regionpose.clouds import read_cloud
-from regionpose.demo.scene import folder as demo_folder
+from regionpose.datasets.demo import folder as demo_folder
+from regionpose.io.calibrations import load_camera
+from regionpose.io.calibrations.poses import read_pose
+from regionpose.io.clouds import read_cloud
 from scene_files import POSE, scene_values, write_scene
 
 COMMANDS = ("estimate", "calibrate", "segment", "fuse", "project", "demo", "evaluate", "info", "schema")
@@ -140,8 +140,8 @@ def test_strict_ends_with_1_when_there_are_warnings(tmp_path: Path, capsys: pyte
 def test_no_pose_ends_with_3_and_writes_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from regionpose.estimation.answer import PoseError
     from regionpose.scene import estimate
+    from regionpose.solve.estimate import PoseError
 
     def no_pose(*_: object, **__: object) -> None:
         raise PoseError("no pose shows every world region where its image region is")
@@ -186,7 +186,7 @@ def test_the_demo_finds_its_pose_and_writes_all_files(demo_out: Path) -> None:
 
 
 def test_the_demos_scene_files_hold_its_seeds() -> None:
-    from regionpose.demo.scene import load
+    from regionpose.datasets.demo import load
     from regionpose.scene import load_scene
 
     seeds, masks = (load_scene(demo_folder() / name).model for name in ("scene.yaml", "scene_masks.yaml"))
@@ -226,7 +226,7 @@ def test_fuse_colors_a_cloud_as_the_estimate_did(
 
 
 def test_fuse_blends_several_images(demo_out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from regionpose.pictures.colors import PosedImage, blend_colors
+    from regionpose.fusion.colors import PosedImage, blend_colors
 
     files, out = demo_folder(), tmp_path / "colored.ply"
     image = np.asarray(Image.open(files / "image.jpg"))
@@ -309,7 +309,7 @@ def test_segment_never_replaces_single_files(tmp_path: Path, capsys: pytest.Capt
 
 
 def test_segment_grows_a_plane_in_a_cloud(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from regionpose.demo.scene import load
+    from regionpose.datasets.demo import load
 
     demo = load()
     region, cloud = demo.region("chalkboard"), demo_folder() / "cloud.ply"
@@ -394,7 +394,7 @@ def test_files_without_a_pose_are_refused(name: str, text: str, tmp_path: Path) 
 
 
 def test_an_image_seed_gives_a_mask(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("regionpose.segmentation.image")
+    pytest.importorskip("regionpose.segment.image")
     picture = np.full((60, 80, 3), 200, dtype=np.uint8)
     picture[20:40, 30:60] = (30, 60, 160)
     Image.fromarray(picture).save(tmp_path / "image.png")

@@ -13,10 +13,10 @@ from commands import run
 from PIL import Image
 from regionpose import Pose
 from regionpose.cli.console import Progress
+from regionpose.io.yaml_text import to_yaml
 from regionpose.scene import SceneError, scene_sides
 from regionpose.scene.folder import FolderOptions, folder_scene
 from regionpose.scene.paths import moved
-from regionpose.yaml_text import to_yaml
 from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH, scene_values
 from skimage.draw import polygon2mask
 

@@ -15,7 +15,7 @@ import regionpose.scene
 import waiting
 from commands import run
 from regionpose.cli import main
-from regionpose.outputs import text_writer, write_files
+from regionpose.io.outputs import text_writer, write_files
 from scene_files import scene_values, write_scene
 from waiting import write_waiting_scene
 
@@ -246,7 +246,7 @@ def test_region_names_stay_in_the_output_folder(tmp_path: Path) -> None:
 def test_a_full_disk_is_one_line_and_a_mistake_of_ours_is_raised(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from regionpose.clouds import MissingExtraError
+    from regionpose.io.clouds import MissingExtraError
 
     scene, out = write_scene(tmp_path), tmp_path / "out"
     expected = OSError(28, "No space left on device", "cloud.ply"), MissingExtraError("needed regionpose[las]")

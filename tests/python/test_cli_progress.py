@@ -18,7 +18,7 @@ import waiting
 from made_up_worlds import made_world
 from PIL import Image
 from regionpose.cli.bars import BYTES, ITEMS, SHARE, StageLine
-from regionpose.clouds import Cloud, write_ply
+from regionpose.io.clouds import Cloud, write_ply
 from rich.console import Console
 from scene_files import scene_values, write_scene
 from waiting import write_waiting_scene

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from regionpose.evaluation.lidar import SpinningLidar, lidar_points
 from regionpose.regions.outline import outline_of_points
-from regionpose.segmentation.cloud import grow_plane, nearest_to_ray
-from regionpose.segmentation.planes import MOST_THINNED, SEARCHED, find_planes
+from regionpose.segment.cloud import grow_plane, nearest_to_ray
+from regionpose.segment.planes import MOST_THINNED, SEARCHED, find_planes
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]

@@ -28,8 +28,8 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 from regionpose.cameras import FisheyeCamera, PinholeCamera
-from regionpose.clouds import Cloud, CloudError, MissingExtraError, cloud_from_depth, read_cloud, write_ply
-from regionpose.sanity import check_intensity
+from regionpose.io.clouds import Cloud, CloudError, MissingExtraError, cloud_from_depth, read_cloud, write_ply
+from regionpose.scene.input_checks import check_intensity
 
 
 def test_small_coordinates_have_no_origin() -> None:
@@ -237,7 +237,7 @@ def test_a_failed_write_leaves_nothing_and_keeps_what_was_there(tmp_path: Path, 
     def fail(*_: object) -> None:
         raise OSError("no space left")
 
-    monkeypatch.setattr("regionpose.clouds.ply_writer._rows", fail)
+    monkeypatch.setattr("regionpose.io.clouds.ply_writer._rows", fail)
     with pytest.raises(OSError, match="no space"):
         write_ply(path, full_cloud(), overwrite=True)
     assert path.read_bytes() == b"precious"

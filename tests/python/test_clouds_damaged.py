@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 from regionpose.cameras import PinholeCamera
-from regionpose.clouds import CloudError, cloud_from_depth, read_cloud
+from regionpose.io.clouds import CloudError, cloud_from_depth, read_cloud
 
 PLY = b"ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n"
 PLY_POINTS = struct.pack("<6f", 1, 2, 3, 4, 5, 6)

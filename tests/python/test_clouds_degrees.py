@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cloud_samples import POINTS
-from regionpose.clouds import CloudError, read_cloud
+from regionpose.io.clouds import CloudError, read_cloud
 
 LON_LAT = np.column_stack([8.4 + POINTS[:, 0] * 1.4e-5, 49.0 + POINTS[:, 1] * 9e-6, POINTS[:, 2]])
 GEOGRAPHIC = 'GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257]],UNIT["degree",0.0174532925]]'

@@ -29,8 +29,8 @@ from cloud_samples import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
-from regionpose.clouds import MissingExtraError, e57, las, pieces, read_cloud, write_ply
-from regionpose.clouds.lzf import decompress, decompress_in_python
+from regionpose.io.clouds import MissingExtraError, e57, las, pieces, read_cloud, write_ply
+from regionpose.io.clouds.lzf import decompress, decompress_in_python
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 

@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.cameras import Camera
-from regionpose.estimation.contours import (
+from regionpose.solve.contours import (
     BEND_TOLERANCE_PX,
     STRETCH,
     Contours,
@@ -21,7 +21,7 @@ from regionpose.estimation.contours import (
     distances_of,
     neighbor_scatter,
 )
-from regionpose.estimation.intrinsics import PARAMETERS, CameraPart, ContourProblem
+from regionpose.solve.intrinsics import PARAMETERS, CameraPart, ContourProblem
 from rig_frames import RIG, fisheye_frames, perspective_frames, sides, world_of
 from scipy.spatial.transform import Rotation
 

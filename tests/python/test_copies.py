@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.demo.scene import folder, load
+from regionpose.datasets.demo import folder, load
 from regionpose.scene import estimate_scene, load_scene
 from rig_frames import fisheye_frames
 from scene_files import write_scene

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.demo.scene import DemoRegion, DemoScene, folder, load
+from regionpose.datasets.demo import DemoRegion, DemoScene, folder, load
 from scipy.ndimage import distance_transform_edt
 
 from tools.demo_scene import courtyard, generate, rendering

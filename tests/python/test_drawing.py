@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.pictures.overlays import OBSERVED, PROJECTED, depth_colors, overlay_depth, overlay_regions
-from regionpose.pictures.png import save_png
+from regionpose.io.png import save_png
+from regionpose.viz.overlays import OBSERVED, PROJECTED, depth_colors, overlay_depth, overlay_regions
 from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH
 from scipy.spatial.transform import Rotation
 from skimage.color import rgb2lab

@@ -17,13 +17,13 @@ from commands import run
 from made_up_worlds import CAMERA, World, made_world, pose_of
 from PIL import Image
 from regionpose.alignment import pose_search
-from regionpose.clouds import Cloud, write_ply
+from regionpose.io.clouds import Cloud, write_ply
+from regionpose.io.yaml_text import to_yaml
 from regionpose.progress import UnwantedError, while_wanted
 from regionpose.scene import SceneError, SceneSides, Stages, estimate_scene, load_scene, scene_result
 from regionpose.scene.bundle import bundle, file_names
 from regionpose.scene.folder import FolderOptions, pair_scene
 from regionpose.scene.verdict import DOUBTFUL, verdict
-from regionpose.yaml_text import to_yaml
 from scene_files import PLATES
 from scene_files import write_scene as write_plates
 

@@ -36,7 +36,7 @@ from regionpose.evaluation.studies.plots import drawn_charts
 from regionpose.evaluation.studies.problems import image_patches, image_region
 from regionpose.evaluation.studies.rows import COLUMN_TYPES, judged, mahalanobis_squared
 from regionpose.evaluation.studies.study import estimate_options
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
 from scipy.spatial.transform import Rotation
 from small_study import HEIGHT, PERSPECTIVE, QUICK, SMALL, WIDTH, comparable
 

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from regionpose import FisheyeCamera, OcamCamera, PinholeCamera, Pose, UnifiedCamera, load_camera
 from regionpose.cameras import Camera
 from regionpose.cli import main
-from regionpose.exporting import FORMATS, ExportedView, exported
-from regionpose.exporting.view import camera_of_values, camera_values
-from regionpose.yaml_text import plain_value, yaml_node
+from regionpose.io.exports import FORMATS, ExportedView, exported
+from regionpose.io.exports.view import camera_of_values, camera_values
+from regionpose.io.yaml_text import plain_value, yaml_node
 from scipy.spatial.transform import Rotation
 
 POSE = Pose(Rotation.from_euler("xyz", [100.0, -20.0, 35.0], degrees=True), np.array([0.3, -1.2, 2.5]))

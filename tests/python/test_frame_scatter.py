@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from regionpose.estimation.frame_scatter import Factor, scattered
+from regionpose.solve.frame_scatter import Factor, scattered
 from scipy.linalg import block_diag
 from scipy.stats import chi2
 

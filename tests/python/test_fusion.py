@@ -8,9 +8,9 @@ import regionpose as rp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from regionpose.arrays import checked_image
-from regionpose.clouds import Cloud
-from regionpose.pictures.colors import PosedImage, blend_colors, colored_cloud, colorize, project_points
+from regionpose.fusion.colors import PosedImage, blend_colors, colored_cloud, colorize, project_points
+from regionpose.io.clouds import Cloud
+from regionpose.validation.arrays import checked_image
 from scene_files import CAMERA, HEIGHT, WIDTH
 from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation

@@ -14,8 +14,8 @@ import shapely
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose.cameras import Camera
-from regionpose.estimation.contours import contours_of
 from regionpose.scene import SceneError, estimate_scene, load_scene, scene_result
+from regionpose.solve.contours import contours_of
 from scene_files import CAMERA as SMALL_CAMERA
 from scene_files import PLATES, scene_values, write_scene
 from scene_files import POSE as SMALL_POSE

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from regionpose.alignment.hypotheses import Hypothesis, confidences_of, places_of, priors_of
 from regionpose.alignment.odds import SHARED_ERROR_PRIOR
 from regionpose.alignment.pose_search import EdgeMode
-from regionpose.estimation.answer import Alternative
+from regionpose.solve.estimate import Alternative
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import regionpose as rp
 import shapely
 from numpy.typing import NDArray
 from regionpose.cameras import Camera
-from regionpose.estimation.contours import contours_of, distances_of
+from regionpose.solve.contours import contours_of, distances_of
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]

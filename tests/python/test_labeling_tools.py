@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.segmentation.label_studio import label_studio_items
-from regionpose.segmentation.masks import mask_from_file, masks_from_file, region_from_file, regions_from_file
+from regionpose.io.masks.label_studio import label_studio_items
+from regionpose.io.masks.readers import mask_from_file, masks_from_file, region_from_file, regions_from_file
 from test_masks import HEIGHT, SQUARE, TRIANGLE, WIDTH, inside, run_length_text, run_lengths, written
 
 Mask = NDArray[np.bool_]

@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.regions.image import ImageRegion
-from regionpose.segmentation.masks import (
+from regionpose.io.masks.readers import (
     mask_from_file,
     masks_from_file,
     masks_from_segmenter,
     region_from_file,
     regions_from_file,
 )
+from regionpose.regions.image import ImageRegion
 from shapely.geometry.base import BaseGeometry
 
 Mask = NDArray[np.bool_]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from regionpose.segmentation.narrow_parts import without_narrow_parts
+from regionpose.segment.narrow_parts import without_narrow_parts
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]

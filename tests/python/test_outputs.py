@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from regionpose.clouds import Cloud, write_ply
-from regionpose.outputs import claimed, locks, placing, text_writer, write_file, write_files
-from regionpose.outputs.hidden import CLAIM, HIDDEN
+from regionpose.io.clouds import Cloud, write_ply
+from regionpose.io.outputs import claimed, locks, placing, text_writer, write_file, write_files
+from regionpose.io.outputs.hidden import CLAIM, HIDDEN
 
 NAMES = ["a", "b", "c", "d"]
 NEW = {name: text_writer(f"new {name}") for name in NAMES}
@@ -232,11 +232,11 @@ def test_errors_of_writers_name_the_file_and_not_the_hidden_one(out: Path) -> No
 RUN = """
     import os, sys
     from pathlib import Path
-    from regionpose.outputs import claimed, locks, text_writer
+    from regionpose.io.outputs import claimed, locks, text_writer
 
     if {no_locks}:
         locks.locked = lambda file: None
-        import regionpose.outputs.hidden as hidden
+        import regionpose.io.outputs.hidden as hidden
         hidden.locked = locks.locked
     with claimed(Path({out!r}), {names!r}, force=True) as claim:
         print("claimed", flush=True)
@@ -262,7 +262,7 @@ def first_run(out: Path, names: list[str], *, no_locks: bool) -> Iterator[subpro
 def no_locks(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> bool:
     """Whether the file system knows no locks, as some on networks."""
     if request.param:
-        monkeypatch.setattr("regionpose.outputs.hidden.locked", lambda _: None)
+        monkeypatch.setattr("regionpose.io.outputs.hidden.locked", lambda _: None)
     return bool(request.param)
 
 
@@ -287,7 +287,7 @@ def test_what_a_killed_run_left_is_removed(no_locks: bool, out: Path) -> None:
 
 
 def test_a_run_on_another_machine_goes_on_as_far_as_is_known(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("regionpose.outputs.hidden.locked", lambda _: None)
+    monkeypatch.setattr("regionpose.io.outputs.hidden.locked", lambda _: None)
     left = out / f"{HIDDEN}left"
     left.mkdir()
     said = locks.this_process() | {"machine": "another", "process": 2**22 + 1, "names": ["a"]}

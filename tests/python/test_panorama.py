@@ -20,9 +20,9 @@ from regionpose import (
     estimate_rig,
     region_from_file,
 )
-from regionpose.pictures.overlays import overlay_regions, projected_lines
+from regionpose.io.yaml_text import to_yaml
 from regionpose.scene import SceneError, estimate_scene, load_scene
-from regionpose.yaml_text import to_yaml
+from regionpose.viz.overlays import overlay_regions, projected_lines
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]

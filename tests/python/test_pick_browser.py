@@ -17,12 +17,12 @@ import numpy as np
 import pytest
 from made_up_worlds import made_world
 from PIL import Image
-from regionpose.clouds import Cloud, read_cloud, write_ply
-from regionpose.demo.scene import folder
-from regionpose.pick.guard import MOST_BYTES
-from regionpose.pick.range_view import RangeView
+from regionpose.app.guard import MOST_BYTES
+from regionpose.app.range_view import RangeView
+from regionpose.datasets.demo import folder
+from regionpose.io.clouds import Cloud, read_cloud, write_ply
+from regionpose.io.yaml_text import plain_value, yaml_node
 from regionpose.scene.bundle import read_truth, truth_errors
-from regionpose.yaml_text import plain_value, yaml_node
 
 playwright = pytest.importorskip("playwright.sync_api", reason="needs the package playwright")
 pytest.importorskip("nicegui", reason="needs the extra pick")

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pick_sessions import BOARD, CHALKBOARD, click_sign, demo_session
-from regionpose.clouds import Cloud
-from regionpose.pick.desk import Desk
-from regionpose.pick.session import Session
-from regionpose.scene.sides import Scan
+from regionpose.app.desk import Desk
+from regionpose.app.session import Session
+from regionpose.io.clouds import Cloud
+from regionpose.scene.region_sides import Scan
 
 SQUARE = [[100.0, 100.0], [160.0, 100.0], [160.0, 150.0], [100.0, 150.0]]
 

@@ -19,18 +19,18 @@ from made_up_worlds import World, made_world, pose_of
 from pick_sessions import holds
 from PIL import Image
 from regionpose.alignment import pose_search
-from regionpose.clouds import Cloud, write_ply
-from regionpose.estimation.answer import Alternative
-from regionpose.pick.desk import Desk
-from regionpose.pick.frames import Frames
-from regionpose.pick.known import Known
-from regionpose.pick.outcome import Outcome
-from regionpose.pick.session import Session
-from regionpose.pick.texts import outcome_html
-from regionpose.pictures.colors import project_points
+from regionpose.app.desk import Desk
+from regionpose.app.frames import Frames
+from regionpose.app.known import Known
+from regionpose.app.outcome import Outcome
+from regionpose.app.session import Session
+from regionpose.app.texts import outcome_html
+from regionpose.fusion.colors import project_points
+from regionpose.io.clouds import Cloud, write_ply
 from regionpose.progress import UnwantedError, check_wanted
 from regionpose.scene import SceneError, estimate_scene, load_scene
 from regionpose.scene.verdict import verdict
+from regionpose.solve.estimate import Alternative
 
 COLMAP = "1 PINHOLE 480 320 260 260 240 160\n"
 SHARED = {"initial_rotation_sigma_deg": 5.0, "initial_center_sigma_m": 0.3, "up": [0.0, 0.0, 1.0], "up_sigma_deg": 3.0}
@@ -393,7 +393,7 @@ def test_the_options_of_calibrate_narrow_the_search(
         desk.close()
         held.append(desk.session)
 
-    monkeypatch.setattr("regionpose.pick.server.serve", served)
+    monkeypatch.setattr("regionpose.app.server.serve", served)
     place = [str(drive), "--camera", str(drive.parent / "cameras.txt")]
     scene = place if is_folder else [str(drive.parent / "scene.yaml"), *pick_words(drive)]
     code, _, errors = run(capsys, "pick", *scene, "--up", "-y", "--near", "0,0,1,0.3", "--quiet")

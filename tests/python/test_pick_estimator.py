@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 from pick_sessions import BOARD, CHALKBOARD, DOOR, WAIT_S, click_sign, demo_session, holds
 from PIL import Image
-from regionpose.pick import estimator
-from regionpose.pick.desk import Desk
-from regionpose.pick.outcome import Outcome
-from regionpose.pick.session import Session
-from regionpose.pick.texts import outcome_html
-from regionpose.pictures.colors import project_points
+from regionpose.app import estimator
+from regionpose.app.desk import Desk
+from regionpose.app.outcome import Outcome
+from regionpose.app.session import Session
+from regionpose.app.texts import outcome_html
+from regionpose.fusion.colors import project_points
 from regionpose.progress import UnwantedError, check_wanted, while_wanted
 from regionpose.scene import Stages
 from regionpose.scene.estimate import with_edges

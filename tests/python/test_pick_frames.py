@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pick_sessions import CHALKBOARD, demo_files
+from regionpose.app.desk import Desk
+from regionpose.app.frames import Frames, FrameSession
+from regionpose.app.known import Known
+from regionpose.app.session import Session
 from regionpose.cli.pick import _session
-from regionpose.pick.desk import Desk
-from regionpose.pick.frames import Frames, FrameSession
-from regionpose.pick.known import Known
-from regionpose.pick.session import Session
 from regionpose.scene import SceneError, Stages, load_scene
 
 SQUARES = [[[x, 700.0], [x + 60.0, 700.0], [x + 60.0, 780.0], [x, 780.0]] for x in (800.0, 820.0)]

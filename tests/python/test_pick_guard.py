@@ -10,7 +10,7 @@ import pytest
 
 httpx = pytest.importorskip("httpx")
 
-from regionpose.pick.guard import MOST_BYTES, Guard  # noqa: E402
+from regionpose.app.guard import MOST_BYTES, Guard  # noqa: E402
 
 PORT = 8123
 HOME = f"http://127.0.0.1:{PORT}"

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from pick_sessions import demo_session
 from pydantic import ValidationError
+from regionpose.app.known import Known, initial_pose, looking
+from regionpose.app.scene_text import scene_of
+from regionpose.app.session import Session
 from regionpose.cli.known import Known as KnownOptions
-from regionpose.pick.known import Known, initial_pose, looking
-from regionpose.pick.scene_text import scene_of
-from regionpose.pick.session import Session
 from regionpose.scene import SceneError, load_scene
-from regionpose.scene.known import scene_prior
 from regionpose.scene.sensors import sensor_origin
+from regionpose.scene.solver_config import scene_prior
 
 SQUARE = [[100.0, 100.0], [160.0, 100.0], [160.0, 150.0], [100.0, 150.0]]
 

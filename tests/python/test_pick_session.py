@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pick_sessions import BOARD, CHALKBOARD, DOOR, click_sign, demo_files, demo_session
-from regionpose.clouds import Cloud, read_cloud
-from regionpose.demo.scene import folder
-from regionpose.pick.desk import Desk
-from regionpose.pick.outcome import Outcome
-from regionpose.pick.scanner import proposed_scanner
-from regionpose.pick.session import Session
-from regionpose.pick.texts import outcome_html
+from regionpose.app.desk import Desk
+from regionpose.app.outcome import Outcome
+from regionpose.app.scanner import proposed_scanner
+from regionpose.app.session import Session
+from regionpose.app.texts import outcome_html
+from regionpose.datasets.demo import folder
+from regionpose.io.clouds import Cloud, read_cloud
 from regionpose.scene import SceneEstimate, estimate_scene, load_scene
 from regionpose.scene.bundle import read_truth, truth_errors
 from regionpose.scene.fit import region_fits, scene_fit
@@ -220,7 +220,7 @@ def test_a_save_that_fails_leaves_the_old_files(session: Session, monkeypatch: p
     def broken(levels: object, path: Path) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("regionpose.pick.session._write_mask", broken)
+    monkeypatch.setattr("regionpose.app.session._write_mask", broken)
     with pytest.raises(OSError, match="space"):
         session.save()
     assert session.path.read_text(encoding="utf-8") == old

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from regionpose.clouds import Cloud
-from regionpose.pick.range_view import BLOCK, RangeView, depth_and_intensity
-from regionpose.pick.solid_view import MOST_SHOWN, RayIndex, point_buffer, sample_indices
-from regionpose.segmentation.cloud import nearest_to_ray
+from regionpose.app.range_view import BLOCK, RangeView, depth_and_intensity
+from regionpose.app.solid_view import MOST_SHOWN, RayIndex, point_buffer, sample_indices
+from regionpose.io.clouds import Cloud
+from regionpose.segment.cloud import nearest_to_ray
 
 ORIGIN = np.zeros(3)
 

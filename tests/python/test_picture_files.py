@@ -12,11 +12,11 @@ import pytest
 import regionpose as rp
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.arrays import checked_image, eight_bits
-from regionpose.reading import FileError, read_turn
+from regionpose.io.masks.readers import coverage_from_file
+from regionpose.io.reading import FileError, read_turn
 from regionpose.scene import SceneError, load_scene, scene_sides
 from regionpose.scene.sensors import read_picture
-from regionpose.segmentation.masks import coverage_from_file
+from regionpose.validation.arrays import checked_image, eight_bits
 from scene_files import HEIGHT, WIDTH, scene_values, write_scene
 
 PACKAGE = Path(rp.__file__).parent

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.cameras import Camera
-from regionpose.estimation.options import EXACT_EXPOSURE
 from regionpose.evaluation import load_templates, perspective_scene, template_named
 from regionpose.evaluation.planar import even_odd_shape
+from regionpose.solve.options import EXACT_EXPOSURE
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]

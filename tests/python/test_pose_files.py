@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pose_files import FAST_CALIB, FILES, NUSCENES, OPENCALIB, PLACE, POSE, transform
-from regionpose.calibration.poses import PoseSource, read_pose, read_pose_file
 from regionpose.cameras import PinholeCamera
 from regionpose.cli.app import main
-from regionpose.exporting import ExportedView, exported
+from regionpose.io.calibrations.poses import PoseSource, read_pose, read_pose_file
+from regionpose.io.exports import ExportedView, exported
 
 CAMERA = PinholeCamera(700.0, 705.0, 320.0, 240.0, width=640, height=480)
 

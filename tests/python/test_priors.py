@@ -12,7 +12,6 @@ import pytest
 import regionpose as rp
 from numpy.typing import ArrayLike
 from regionpose.cameras import PinholeCamera
-from regionpose.estimation.prior import Mount
 from regionpose.evaluation import setups
 from regionpose.evaluation.studies.conditions import Condition
 from regionpose.evaluation.studies.problems import (
@@ -22,6 +21,7 @@ from regionpose.evaluation.studies.problems import (
     draw_problem,
 )
 from regionpose.evaluation.studies.rows import displacement, judged
+from regionpose.solve.prior import Mount
 from scipy.spatial.transform import Rotation
 
 HALF = setups.Setup(PinholeCamera(950.0, 950.0, 593.5, 395.5, width=1188, height=792), setups.perspective_setup().poses)

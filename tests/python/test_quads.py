@@ -7,8 +7,8 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
-from regionpose.pick.proposals import mask_choices
-from regionpose.segmentation.quads import quads_around
+from regionpose.app.proposals import mask_choices
+from regionpose.segment.quads import quads_around
 
 DOOR = [(140.0, 60.0), (260.0, 80.0), (250.0, 330.0), (130.0, 300.0)]
 SEED = (170.0, 250.0)

@@ -18,15 +18,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from regionpose.calibration import CalibrationError, load_camera, load_lidar_pose
-from regionpose.calibration.poses import read_pose
 from regionpose.cameras import PinholeCamera
 from regionpose.cli.info import file_facts
-from regionpose.clouds import CloudError, cloud_from_depth, read_cloud
-from regionpose.reading import FileError, read_array, read_json
+from regionpose.io.calibrations import CalibrationError, load_camera, load_lidar_pose
+from regionpose.io.calibrations.poses import read_pose
+from regionpose.io.clouds import CloudError, cloud_from_depth, read_cloud
+from regionpose.io.masks.readers import coverage_from_file, masks_from_file
+from regionpose.io.reading import FileError, read_array, read_json
 from regionpose.scene import SceneError, load_scene, scene_sides
 from regionpose.scene.sensors import read_picture
-from regionpose.segmentation.masks import coverage_from_file, masks_from_file
 from scene_files import scene_values, write_scene
 
 ROOT = Path(__file__).parents[2]
@@ -217,8 +217,8 @@ def test_a_laz_file_of_more_points_than_likely_is_refused(tmp_path: Path) -> Non
 @pytest.mark.parametrize("kind", ["laz", "e57"])
 def test_scans_are_compared_with_the_budget(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A budget below what 2,000 equal points take, which compress to little."""
-    monkeypatch.setattr("regionpose.reading.FREE_BYTES", 1000)
-    monkeypatch.setattr("regionpose.reading.MOST_RATIO", 1)
+    monkeypatch.setattr("regionpose.io.reading.FREE_BYTES", 1000)
+    monkeypatch.setattr("regionpose.io.reading.MOST_RATIO", 1)
     path = tmp_path / f"cloud.{kind}"
     if kind == "laz":
         path.write_bytes(laz(2000))

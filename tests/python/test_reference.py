@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import typer
 from regionpose.cli.app import app
-from regionpose.exporting import FORMATS
+from regionpose.io.exports import FORMATS
 from regionpose.scene.verdict import DOUBTS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -83,7 +83,7 @@ def test_the_readme_is_short() -> None:
 
 def test_keys_of_a_result_are_described(tmp_path: Path) -> None:
     from regionpose.cli import main
-    from regionpose.demo import scene
+    from regionpose.datasets import demo as scene
 
     assert main(["estimate", str(scene.folder() / "scene_masks.yaml"), "--out", str(tmp_path / "out"), "--quiet"]) == 0
     keys = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))

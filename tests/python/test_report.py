@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from markupsafe import escape
 from PIL import Image
-from regionpose.pictures.splat import BACKGROUND, Viewpoint, splatted, viewpoints
 from regionpose.scene import SceneError, SceneEstimate, estimate_scene, load_scene, scene_result
 from regionpose.scene.report import Figure, Report, data_url, report_html
+from regionpose.viz.splat import BACKGROUND, Viewpoint, splatted, viewpoints
 from scene_files import scene_values, write_scene
 
 

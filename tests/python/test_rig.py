@@ -13,13 +13,13 @@ import regionpose as rp
 from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.cameras import Camera
-from regionpose.estimation.contours import (
+from regionpose.evaluation import fisheye_scene, pose_errors, squares_on_mask
+from regionpose.solve.contours import (
     contours_of,
     distances_of,
 )
-from regionpose.estimation.intrinsics import CameraPart, ContourProblem, refined_camera
-from regionpose.estimation.options import EXACT_EXPOSURE
-from regionpose.evaluation import fisheye_scene, pose_errors, squares_on_mask
+from regionpose.solve.intrinsics import CameraPart, ContourProblem, refined_camera
+from regionpose.solve.options import EXACT_EXPOSURE
 from rig_frames import (
     RIG,
     fisheye_frames,

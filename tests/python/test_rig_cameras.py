@@ -15,9 +15,9 @@ from made_up_worlds import World, made_world
 from PIL import Image
 from regionpose.alignment import pose_search
 from regionpose.cli.console import Progress
-from regionpose.clouds import Cloud, write_ply
+from regionpose.io.clouds import Cloud, write_ply
+from regionpose.io.yaml_text import to_yaml
 from regionpose.scene import load_scene
-from regionpose.yaml_text import to_yaml
 
 LENS = "1 PINHOLE 480 320 260 260 240 160\n"
 HEADINGS_DEG = {"front": 10.0, "left": 100.0}

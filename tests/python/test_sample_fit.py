@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.estimation.sample_fit import SampleFit, sample_fit
-from regionpose.pictures.overlays import OUTSIDE, PROJECTED
+from regionpose.solve.sample_fit import SampleFit, sample_fit
+from regionpose.viz.overlays import OUTSIDE, PROJECTED
 from scipy.spatial.transform import Rotation
 
 CAMERA = rp.PinholeCamera(400.0, 400.0, 199.5, 149.5, width=400, height=300)

@@ -14,10 +14,10 @@ import regionpose as rp
 from PIL import Image
 from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
 from regionpose.cli.app import main
-from regionpose.demo import scene as demo_scene
-from regionpose.sanity import check_camera, unit_remark
+from regionpose.datasets import demo as demo_scene
+from regionpose.io.yaml_text import plain_value, to_yaml, yaml_node
 from regionpose.scene import SceneError, estimate_scene, load_scene, scene_sides
-from regionpose.yaml_text import plain_value, to_yaml, yaml_node
+from regionpose.scene.input_checks import check_camera, unit_remark
 from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH, scene_values, write_scene
 
 DEMO = Path(demo_scene.__file__).parent / "files"

@@ -11,11 +11,11 @@ import pytest
 from commands import run as run_command
 from PIL import Image, ImageDraw
 from regionpose import PoseError, match_regions
-from regionpose.demo.scene import folder as demo_folder
+from regionpose.datasets.demo import folder as demo_folder
+from regionpose.io.yaml_text import plain_value, to_yaml, yaml_node
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 from regionpose.scene import SceneError, estimate_scene, load_scene, scene_result
-from regionpose.yaml_text import plain_value, to_yaml, yaml_node
 from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH, scene_values, write_scene
 
 SIDES = {"image": "image_regions", "world": "world_regions"}

@@ -12,13 +12,13 @@ import regionpose as rp
 from card_scenes import CAMERA, PLACES, POSE, SHAPE, cards
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.clouds import Cloud, write_ply
+from regionpose.geometry.units import length_text
+from regionpose.io.clouds import Cloud, write_ply
+from regionpose.io.yaml_text import to_yaml
 from regionpose.scene import SceneEstimate, Stages, estimate_scene, load_scene
 from regionpose.scene.bundle import bundle
 from regionpose.scene.document import SceneError
 from regionpose.scene.verdict import DOUBTFUL, verdict
-from regionpose.units import length_text
-from regionpose.yaml_text import to_yaml
 from scene_files import scene_values, write_scene
 
 ORIGIN = np.array([431_999.0, 5_400_000.0, 119.0])

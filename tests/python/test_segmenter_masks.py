@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from regionpose.io.masks.readers import masks_from_segmenter
 from regionpose.regions.image import ImageRegion
-from regionpose.segmentation.masks import masks_from_segmenter
 
 Mask = NDArray[np.bool_]
 

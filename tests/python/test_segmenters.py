@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from regionpose.cli import main
 from regionpose.scene import load_scene, scene_sides
-from regionpose.segmentation.segmenters import PredictorSegmenter, load_segmenter, segmented
+from regionpose.segment.segmenters import PredictorSegmenter, load_segmenter, segmented
 from scene_files import scene_values, write_scene
 
 IMAGE = np.zeros((40, 60, 3), dtype=np.uint8)

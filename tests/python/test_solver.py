@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.estimation.batch import PoseProblem
-from regionpose.estimation.options import System
 from regionpose.evaluation import SyntheticScene, omnidirectional_scene, perspective_scene, pose_errors
+from regionpose.solve.batch import PoseProblem
+from regionpose.solve.options import System
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import re
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from regionpose.units import angle_text, length_text
+from regionpose.geometry.units import angle_text, length_text
 
 METERS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 

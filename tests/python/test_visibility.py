@@ -12,12 +12,12 @@ import regionpose as rp
 from card_scenes import CAMERA, POSE
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.clouds import Cloud, write_ply
+from regionpose.io.clouds import Cloud, write_ply
+from regionpose.io.yaml_text import to_yaml
 from regionpose.scene.bundle import bundle
 from regionpose.scene.result import scene_result
 from regionpose.scene.stages import Stages
 from regionpose.scene.verdict import DOUBTFUL, verdict
-from regionpose.yaml_text import to_yaml
 
 Array = NDArray[np.float64]
 

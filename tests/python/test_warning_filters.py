@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import regionpose as rp
 from PIL import Image
-from regionpose.clouds import CloudError
-from regionpose.reading import read_array, read_pixels
+from regionpose.io.clouds import CloudError
+from regionpose.io.reading import read_array, read_pixels
 from regionpose.regions.outline import sparse_sampling_told_to
 
 PACKAGE = Path(rp.__file__).parent

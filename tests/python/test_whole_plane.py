@@ -8,8 +8,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from regionpose.segmentation.cloud import grow_plane
-from regionpose.segmentation.whole_plane import whole_plane
+from regionpose.segment.cloud import grow_plane
+from regionpose.segment.whole_plane import whole_plane
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -11,10 +11,10 @@ import regionpose as rp
 from card_scenes import CAMERA, PLACES, POSE, SHAPE, cards, painted
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.clouds import Cloud, write_ply
-from regionpose.estimation.options import EXACT_EXPOSURE
+from regionpose.io.clouds import Cloud, write_ply
+from regionpose.io.yaml_text import to_yaml
 from regionpose.scene.verdict import DOUBTFUL, TRUSTED, verdict
-from regionpose.yaml_text import to_yaml
+from regionpose.solve.options import EXACT_EXPOSURE
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]

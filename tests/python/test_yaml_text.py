@@ -7,7 +7,7 @@ from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
-from regionpose.yaml_text import plain_value, to_yaml, yaml_node
+from regionpose.io.yaml_text import plain_value, to_yaml, yaml_node
 
 NUMBERS = st.integers(-(10**9), 10**9) | st.floats(allow_nan=False)
 VALUES = st.recursive(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose.cameras import PinholeCamera
-from regionpose.demo.scene import (
+from regionpose.datasets.demo import (
     CAMERA_FILE,
     CLOUD_FILE,
     CLOUD_POINT,

@@ -15,13 +15,13 @@ from regionpose.alignment.odds import HIDDEN
 from regionpose.alignment.photo import Photo
 from regionpose.alignment.pose_search import Density, log_mass, search_about
 from regionpose.alignment.visibility import Occlusion, occlusions
-from regionpose.arguments import checked_arguments
-from regionpose.arrays import KeptArrays
 from regionpose.cameras import Camera
-from regionpose.estimation.prior import Prior
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
+from regionpose.solve.prior import Prior
+from regionpose.validation.arguments import checked_arguments
+from regionpose.validation.arrays import KeptArrays
 
 Array = NDArray[np.float64]
 

@@ -20,13 +20,13 @@ from regionpose.alignment.judgment import Judgment, hidden_regions
 from regionpose.alignment.pose_search import EdgeMode
 from regionpose.alignment.region_evidence import RegionEvidence
 from regionpose.alignment.visibility import occlusions
-from regionpose.arguments import checked_arguments
-from regionpose.arrays import KeptArrays, finite_array
-from regionpose.estimation.answer import PoseError, PoseEstimate
-from regionpose.estimation.options import Solver, checked_solver
-from regionpose.estimation.prior import MOUNT_SIGMA_M, Prior
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
 from regionpose.progress import Progress, part
+from regionpose.solve.estimate import PoseError, PoseEstimate
+from regionpose.solve.options import Solver, checked_solver
+from regionpose.solve.prior import MOUNT_SIGMA_M, Prior
+from regionpose.validation.arguments import checked_arguments
+from regionpose.validation.arrays import KeptArrays, finite_array
 
 Array = NDArray[np.float64]
 

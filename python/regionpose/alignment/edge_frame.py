@@ -20,7 +20,7 @@ from regionpose.alignment.views import (
 )
 from regionpose.cameras import Camera
 from regionpose.cameras.matrix import MatrixCamera
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
 from regionpose.progress import check_wanted
 
 Array = NDArray[np.float64]

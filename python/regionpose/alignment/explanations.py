@@ -15,10 +15,10 @@ from regionpose.alignment.edge_frame import EdgeFrame
 from regionpose.alignment.hypotheses import Hypothesis, Place, answers_of, log_sum, priors_of
 from regionpose.alignment.odds import CHANCE_PRIOR, SILENT_PRIOR
 from regionpose.alignment.pose_search import Density, EdgeMode, search_about, search_prior
-from regionpose.estimation.answer import PoseEstimate
-from regionpose.estimation.options import Solver
-from regionpose.estimation.prior import Prior
 from regionpose.progress import Progress, part, told_each
+from regionpose.solve.estimate import PoseEstimate
+from regionpose.solve.options import Solver
+from regionpose.solve.prior import Prior
 
 LEAST_PRIOR = 1e-4
 """Least probability of an answer of regions about which edges are looked at: a hundredth of what all of them leave."""

@@ -17,13 +17,13 @@ from regionpose.alignment.explanations import is_covariance
 from regionpose.alignment.hypotheses import Hypothesis
 from regionpose.alignment.odds import DECISIVE, SHARED_ERROR_PRIOR
 from regionpose.alignment.pose_search import Density, EdgeMode, log_mass
-from regionpose.arrays import KeptArrays
 from regionpose.cameras.matrix import MatrixCamera
-from regionpose.estimation.answer import PoseEstimate
-from regionpose.estimation.prior import Prior
-from regionpose.estimation.warning import PoseWarning
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
 from regionpose.progress import Progress, part, told_each
+from regionpose.solve.estimate import PoseEstimate
+from regionpose.solve.prior import Prior
+from regionpose.solve.warning import PoseWarning
+from regionpose.validation.arrays import KeptArrays
 
 Array = NDArray[np.float64]
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regionpose.alignment.photo import Photo
-from regionpose.arguments import check_fields
-from regionpose.arrays import KeptArrays
 from regionpose.cameras import Camera
-from regionpose.estimation.sides import check_camera
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
+from regionpose.solve.core_inputs import check_camera
+from regionpose.validation.arguments import check_fields
+from regionpose.validation.arrays import KeptArrays
 
 
 @dataclass(frozen=True, eq=False)

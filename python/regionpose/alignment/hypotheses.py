@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.alignment.odds import HIDDEN, SHARED_ERROR_PRIOR
 from regionpose.alignment.pose_search import EdgeMode
-from regionpose.estimation.answer import Alternative, PoseEstimate
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
+from regionpose.solve.estimate import Alternative, PoseEstimate
 
 Array = NDArray[np.float64]
 

@@ -18,9 +18,9 @@ from regionpose.alignment.focal import FocalEvidence
 from regionpose.alignment.hypotheses import Place, answers_of, confidences_of
 from regionpose.alignment.region_evidence import RegionEvidence
 from regionpose.alignment.visibility import Occlusion
-from regionpose.estimation.answer import Alternative, PoseEstimate
-from regionpose.estimation.options import Solver
-from regionpose.estimation.warning import PoseWarning
+from regionpose.solve.estimate import Alternative, PoseEstimate
+from regionpose.solve.options import Solver
+from regionpose.solve.warning import PoseWarning
 
 Array = NDArray[np.float64]
 

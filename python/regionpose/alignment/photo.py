@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import gaussian_filter1d, uniform_filter
 
 from regionpose import _core
-from regionpose.arrays import checked_image
+from regionpose.validation.arrays import checked_image
 
 Array = NDArray[np.float64]
 Pictures = NDArray[np.float32]

@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from regionpose import _core
 from regionpose.alignment.edge_frame import EdgeFrame
-from regionpose.arrays import KeptArrays
-from regionpose.estimation.prior import Prior
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
 from regionpose.progress import Progress, check_wanted, part, told_each
+from regionpose.solve.prior import Prior
+from regionpose.validation.arrays import KeptArrays
 
 Array = NDArray[np.float64]
 

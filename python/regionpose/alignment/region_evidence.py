@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from regionpose.alignment.frame import SceneFrame
 from regionpose.cameras import Camera
-from regionpose.estimation.answer import PoseEstimate
-from regionpose.estimation.moved import moved_estimate
-from regionpose.estimation.options import Solver
-from regionpose.estimation.prior import Prior
-from regionpose.estimation.rig import Frame, estimate_rig
-from regionpose.estimation.single import estimate_pose
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
+from regionpose.solve.estimate import PoseEstimate
+from regionpose.solve.options import Solver
+from regionpose.solve.prior import Prior
+from regionpose.solve.reevaluate import moved_estimate
+from regionpose.solve.rig import Frame, estimate_rig
+from regionpose.solve.single import estimate_pose
 
 
 @dataclass(frozen=True, eq=False)

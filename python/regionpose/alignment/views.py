@@ -9,9 +9,9 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose.alignment.photo import Photo
-from regionpose.arrays import check_coordinates, real_array, row_array
 from regionpose.cameras import Camera
 from regionpose.regions.image import ImageRegion
+from regionpose.validation.arrays import check_coordinates, real_array, row_array
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from scipy.ndimage import binary_closing
 
 from regionpose.alignment.views import EDGE_SHARE, checked_points
 from regionpose.cameras import Camera
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 

@@ -11,7 +11,7 @@ from typing import Self, SupportsFloat
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionpose.arrays import row_array
+from regionpose.validation.arrays import row_array
 
 Array = NDArray[np.float64]
 Components = tuple[Array, ...]

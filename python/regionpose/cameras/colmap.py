@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import SupportsFloat
 
-from regionpose.arguments import checked_arguments
 from regionpose.cameras.base import Camera, finite_numbers
 from regionpose.cameras.fisheye import FisheyeCamera
 from regionpose.cameras.pinhole import PinholeCamera
+from regionpose.validation.arguments import checked_arguments
 
 CORNER_TO_CENTER = 0.5
 """Pixels: COLMAP, nerfstudio and MeshLab count from the corner of the first pixel, OpenCV from its center."""

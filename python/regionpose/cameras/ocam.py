@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from regionpose.arrays import finite_array
 from regionpose.cameras.base import (
     LIMIT_SLACK,
     Array,
@@ -18,6 +17,7 @@ from regionpose.cameras.base import (
     image_length,
 )
 from regionpose.cameras.inversion import Rows, bracketed_roots, derivative, first_positive_root, polynomial
+from regionpose.validation.arrays import finite_array
 
 Stretch = tuple[tuple[float, float], tuple[float, float]]
 

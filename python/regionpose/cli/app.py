@@ -122,7 +122,7 @@ def _terminated_cleanly() -> Iterator[None]:
 
 
 def _is_missing_extra(error: ImportError) -> bool:
-    from regionpose.clouds import MissingExtraError
+    from regionpose.io.clouds import MissingExtraError
 
     return isinstance(error, MissingExtraError)
 

@@ -28,7 +28,7 @@ from regionpose.cli.options import (
     names_of,
 )
 from regionpose.cli.recordings import Choice, recording_scene
-from regionpose.outputs import text_writer
+from regionpose.io.outputs import text_writer
 
 if TYPE_CHECKING:
     from regionpose.scene import Scene
@@ -130,7 +130,7 @@ def calibrate(
       regionpose calibrate rig --up z --mount front=front --mount left=left
       regionpose calibrate drive --json --quiet | jq .camera_from_world.matrix
     """
-    from regionpose.bags.place import is_bag
+    from regionpose.io.bags.place import is_bag
     from regionpose.scene.folder import camera_folders
 
     if len(paths) > 2:
@@ -189,7 +189,7 @@ def _scene(
 
 def _photo_and_cloud(first: Path, second: Path) -> tuple[Path, Path]:
     """Which of two files is the photo; ValueError where that isn't clear."""
-    from regionpose.reading import IMAGE_SUFFIXES
+    from regionpose.io.reading import IMAGE_SUFFIXES
 
     for path in (first, second):
         if not path.exists() and "#" not in str(path):

@@ -11,7 +11,7 @@ import typer
 
 from regionpose.cli.console import BAD_INPUT, Progress, error_code, one_line, say_json, say_remarks
 from regionpose.cli.estimate import DOUBTED, WARNED, Outcome, exit_code, scene_outcome
-from regionpose.outputs import refuse_existing, text_writer
+from regionpose.io.outputs import refuse_existing, text_writer
 
 if TYPE_CHECKING:
     from regionpose.scene import Scene

@@ -15,7 +15,7 @@ import typer
 
 if TYPE_CHECKING:
     from regionpose.cli.bars import StageLine
-    from regionpose.clouds import Cloud
+    from regionpose.io.clouds import Cloud
     from regionpose.scene import Stages
 
 Item = TypeVar("Item")
@@ -101,8 +101,8 @@ class Progress:
 
     def read_cloud(self, path: Path, columns: Sequence[str] | None = None) -> Cloud:
         """The cloud of a file, as a stage that shows how much is read; `columns` as of `clouds.read_cloud`."""
-        from regionpose.clouds import read_cloud
-        from regionpose.clouds.kinds import file_size
+        from regionpose.io.clouds import read_cloud
+        from regionpose.io.clouds.kinds import file_size
 
         self.begin("read cloud")
         self.of_bytes(file_size(path))
@@ -118,7 +118,7 @@ def say_remarks(remarks: Sequence[str], quiet: bool) -> None:
 
 def error_code(error: BaseException) -> int:
     """The exit code of an error."""
-    from regionpose.estimation.answer import PoseError
+    from regionpose.solve.estimate import PoseError
 
     return NO_POSE if isinstance(error, PoseError) else BAD_INPUT
 

@@ -41,7 +41,7 @@ def demo(
       regionpose demo --out demo --from masks --force
       regionpose demo --json --quiet | jq .truth_errors
     """
-    from regionpose.demo.scene import folder
+    from regionpose.datasets.demo import folder
     from regionpose.scene import load_scene
     from regionpose.scene.bundle import read_truth
 

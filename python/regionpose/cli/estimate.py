@@ -10,8 +10,8 @@ import typer
 
 from regionpose.cli.console import Progress, say_json, say_rows
 from regionpose.cli.options import AsJson, Force, Quiet, SegmenterName, Strict, scene_with
-from regionpose.outputs import Writer, claimed
-from regionpose.units import angle_text, length_text
+from regionpose.geometry.units import angle_text, length_text
+from regionpose.io.outputs import Writer, claimed
 
 if TYPE_CHECKING:
     from regionpose.scene import Scene, SceneEstimate, Stages

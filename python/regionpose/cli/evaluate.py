@@ -13,7 +13,7 @@ import typer
 
 from regionpose.cli.console import Progress, at_terminal
 from regionpose.cli.options import Force, Quiet
-from regionpose.outputs import Writer, refuse_existing, text_writer, write_files
+from regionpose.io.outputs import Writer, refuse_existing, text_writer, write_files
 
 if TYPE_CHECKING:
     from regionpose.evaluation.studies import Results, Study, StudyConfig

@@ -10,7 +10,7 @@ import typer
 
 from regionpose.cli.console import say_remarks
 from regionpose.cli.options import CAMERA_HELP, CameraModel, CameraName, Force, Rectified
-from regionpose.outputs import text_writer, write_files
+from regionpose.io.outputs import text_writer, write_files
 
 if TYPE_CHECKING:
     from regionpose.cameras import Camera
@@ -65,8 +65,8 @@ def export(
       regionpose export result/result.json --format colmap --out sparse
       regionpose export pose.txt --format opencv --camera camera_info.yaml
     """
-    from regionpose.calibration.poses import PoseSource, read_pose_file
-    from regionpose.exporting import ExportedView, exported
+    from regionpose.io.calibrations.poses import PoseSource, read_pose_file
+    from regionpose.io.exports import ExportedView, exported
 
     held = _held(pose)
     placed = read_pose_file(pose, PoseSource(camera_name, camera, image))
@@ -89,7 +89,7 @@ def export(
 
 def _held(path: Path) -> dict[str, Any]:
     """What a result.json holds; nothing for another file."""
-    from regionpose.reading import read_json
+    from regionpose.io.reading import read_json
 
     held = read_json(path) if path.suffix.lower() == ".json" else {}
     return held if isinstance(held, dict) else {}
@@ -107,8 +107,8 @@ def _camera(
     held: dict[str, Any], path: Path | None, name: str | None, model: str | None, rectified: bool
 ) -> Camera | None:
     """The camera that is given, or the result's."""
-    from regionpose.calibration import load_camera
-    from regionpose.exporting.view import camera_of_values
+    from regionpose.io.calibrations import load_camera
+    from regionpose.io.exports.view import camera_of_values
 
     if path is not None:
         return load_camera(path, name, model=model, rectified=rectified)

@@ -20,7 +20,7 @@ from regionpose.cli.options import (
     Rectified,
     names_of,
 )
-from regionpose.outputs import refuse_existing, write_file
+from regionpose.io.outputs import refuse_existing, write_file
 
 
 def fuse(
@@ -51,8 +51,8 @@ def fuse(
     """
     refuse_existing([out], force)
     from regionpose.cli.views import read_view, view_files
-    from regionpose.clouds import write_ply
-    from regionpose.pictures.colors import colored_cloud
+    from regionpose.fusion.colors import colored_cloud
+    from regionpose.io.clouds import write_ply
 
     files = view_files(images, camera, pose, camera_name or [], camera_model, rectified)
     remarks: list[str] = []

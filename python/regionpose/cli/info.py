@@ -15,8 +15,8 @@ from regionpose.cli.console import Progress, say_json, say_rows
 from regionpose.cli.options import AsJson, CameraModel, CameraName, Columns, Quiet, Rectified, names_of
 
 if TYPE_CHECKING:
-    from regionpose.bags.place import BagPlace
-    from regionpose.clouds import Cloud
+    from regionpose.io.bags.place import BagPlace
+    from regionpose.io.clouds import Cloud
     from regionpose.scene.loading import NamedRegion
 
 DOCUMENT_SUFFIXES = {".yaml", ".yml", ".json"}
@@ -98,12 +98,12 @@ def file_facts(
     columns: list[str] | None = None,
 ) -> Facts:
     """The facts about a file, `kind` first; FileNotFoundError, or ValueError when it is of no known kind."""
-    from regionpose.bags.camera_info import KINDS as CALIBRATIONS
-    from regionpose.bags.messages import kind_of
-    from regionpose.bags.place import bag_place, is_bag
-    from regionpose.clouds.kinds import is_cloud
-    from regionpose.clouds.ros import KINDS as CLOUDS
-    from regionpose.reading import IMAGE_SUFFIXES, check_regular, is_picture
+    from regionpose.io.bags.camera_info import KINDS as CALIBRATIONS
+    from regionpose.io.bags.messages import kind_of
+    from regionpose.io.bags.place import bag_place, is_bag
+    from regionpose.io.clouds.kinds import is_cloud
+    from regionpose.io.clouds.ros import KINDS as CLOUDS
+    from regionpose.io.reading import IMAGE_SUFFIXES, check_regular, is_picture
 
     suffix, said = path.suffix.lower(), progress or Progress(quiet=True)
     place = bag_place(path)
@@ -170,10 +170,10 @@ def _first_that_reads(path: Path, readers: list[Callable[[], Facts]]) -> Facts:
 
 def _bag_facts(path: Path) -> Facts:
     """The facts about a bag: its topics, and what each can be read as."""
-    from regionpose.bags.camera_info import KINDS as CALIBRATIONS
-    from regionpose.bags.messages import summary
-    from regionpose.bags.pictures import KINDS as PICTURES
-    from regionpose.clouds.ros import KINDS as CLOUDS
+    from regionpose.io.bags.camera_info import KINDS as CALIBRATIONS
+    from regionpose.io.bags.messages import summary
+    from regionpose.io.bags.pictures import KINDS as PICTURES
+    from regionpose.io.clouds.ros import KINDS as CLOUDS
 
     held, uses = summary(path), {**dict.fromkeys(CLOUDS, "cloud"), **dict.fromkeys(PICTURES, "image")}
     uses |= dict.fromkeys(CALIBRATIONS, "calibration")
@@ -192,7 +192,7 @@ def _topic_line(topic: Facts) -> str:
 
 def _array_facts(path: Path) -> Facts | None:
     """The facts about an array of one value a point: indices, labels or a mask; None of other arrays."""
-    from regionpose.reading import FileError, read_array
+    from regionpose.io.reading import FileError, read_array
 
     try:
         values = read_array(path)
@@ -207,7 +207,7 @@ def _array_facts(path: Path) -> Facts | None:
 
 def _mask_facts(path: Path) -> Facts:
     """The facts about a file of masks: its regions."""
-    from regionpose.segmentation.masks import masks_from_file
+    from regionpose.io.masks.readers import masks_from_file
 
     return {"kind": "masks", "regions": list(masks_from_file(path))}
 
@@ -215,7 +215,7 @@ def _mask_facts(path: Path) -> Facts:
 def _image_facts(path: Path) -> Facts:
     import numpy as np
 
-    from regionpose.reading import read_pixels
+    from regionpose.io.reading import read_pixels
 
     values, mode, form = read_pixels(path)
     height, width = values.shape[:2]
@@ -228,7 +228,7 @@ def _image_facts(path: Path) -> Facts:
 
 def _picture_facts(place: BagPlace) -> Facts:
     """The facts about a picture in a bag."""
-    from regionpose.bags.pictures import read_bag_picture
+    from regionpose.io.bags.pictures import read_bag_picture
 
     height, width = read_bag_picture(place).shape[:2]
     return {"kind": "image of a bag", "width_px": width, "height_px": height}
@@ -261,7 +261,7 @@ def _cloud_facts(path: Path, progress: Progress, columns: list[str] | None = Non
 
 def _unit(cloud: Cloud, spacing: float | None) -> str:
     """What the file of a cloud or its size say of its unit; the corners of a mesh are no samples."""
-    from regionpose.sanity import check_unit, unit_remark
+    from regionpose.scene.input_checks import check_unit, unit_remark
 
     remarks = [warning.message for warning in check_unit(cloud)]
     if not remarks and cloud.triangles is None and spacing is not None:
@@ -300,9 +300,9 @@ def _camera_facts(path: Path, choice: CameraChoice) -> Facts:
 
     import numpy as np
 
-    from regionpose.calibration import load_camera
-    from regionpose.calibration.kinds import calibration_kind
-    from regionpose.sanity import check_camera
+    from regionpose.io.calibrations import load_camera
+    from regionpose.io.calibrations.kinds import calibration_kind
+    from regionpose.scene.input_checks import check_camera
 
     camera = load_camera(path, choice.name, model=choice.model, rectified=choice.rectified)
     parameters = {key: value for key, value in asdict(camera).items() if not key.startswith("_")}  # type: ignore[call-overload]
@@ -322,7 +322,7 @@ def _camera_facts(path: Path, choice: CameraChoice) -> Facts:
 
 def pose_facts(path: Path, camera_name: str | None) -> Facts:
     """The facts about a file that holds a pose; ValueError where it holds none of a known kind."""
-    from regionpose.calibration.poses import PoseSource, read_pose_file
+    from regionpose.io.calibrations.poses import PoseSource, read_pose_file
 
     held = read_pose_file(path, PoseSource(camera_name))
     return {
@@ -335,7 +335,7 @@ def pose_facts(path: Path, camera_name: str | None) -> Facts:
 
 
 def _scene_facts(path: Path) -> Facts:
-    from regionpose.bags.place import is_there
+    from regionpose.io.bags.place import is_there
     from regionpose.scene.inputs import named_files
     from regionpose.scene.loading import load_scene, named_regions
 
@@ -363,7 +363,7 @@ def _kind(side: Any) -> str:
 
 
 def _result_facts(path: Path) -> Facts:
-    from regionpose.reading import read_json
+    from regionpose.io.reading import read_json
 
     held = read_json(path)
     facts: Facts = {"kind": "result", **{key: held.get(key) for key in SHOWN_OF_RESULT}}

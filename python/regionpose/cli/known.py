@@ -10,7 +10,7 @@ import typer
 from regionpose.cli.options import numbers_of
 
 if TYPE_CHECKING:
-    from regionpose.estimation.prior import Mount
+    from regionpose.solve.prior import Mount
 
 MOUNTS = ("front", "left", "rear", "right")
 
@@ -60,7 +60,7 @@ class Known(NamedTuple):
     @classmethod
     def of(cls, near: str | None, up: str | None, mounts: Sequence[str], origin: str | None) -> Known:
         """What the words say; ValueError that names the option."""
-        from regionpose.estimation.prior import AXES
+        from regionpose.solve.prior import AXES
 
         place, sigma = None, None
         if near is not None:
@@ -78,8 +78,8 @@ class Known(NamedTuple):
 
     def prior(self, camera: str | None = None) -> dict[str, Any]:
         """What is known of a camera's pose, as the scene's key; ValueError that names the options."""
-        from regionpose.estimation.prior import Prior
-        from regionpose.scene.known import prior_values
+        from regionpose.scene.solver_config import prior_values
+        from regionpose.solve.prior import Prior
 
         mount = self.mounts.get(camera, self.mounts.get(None))
         try:

@@ -80,7 +80,7 @@ def asking(scene: Scene, segmenter: str | None) -> Scene:
     if segmenter is None:
         return scene
 
-    from regionpose.segmentation.segmenters import load_segmenter
+    from regionpose.segment.segmenters import load_segmenter
 
     return replace(scene, segmenter=load_segmenter(segmenter))
 

@@ -13,7 +13,7 @@ from regionpose.cli.known import Known, Mounts, Near, Up
 from regionpose.cli.options import CAMERA_HELP, Columns, Quiet, SegmenterName, names_of
 
 if TYPE_CHECKING:
-    from regionpose.pick.session import Session
+    from regionpose.app.session import Session
     from regionpose.scene import Stages
 
 
@@ -50,9 +50,9 @@ def pick(
       regionpose pick drive --camera calib.yaml --up z --mount front
       regionpose pick scene.yaml --segmenter my_sam:predictor
     """
-    from regionpose.pick.desk import Desk
-    from regionpose.pick.server import serve
-    from regionpose.segmentation.segmenters import load_segmenter
+    from regionpose.app.desk import Desk
+    from regionpose.app.server import serve
+    from regionpose.segment.segmenters import load_segmenter
 
     known = Known.of(near, up, mount or (), None)
     known.check([])
@@ -90,7 +90,7 @@ def _session(
     scene: Path, files: dict[str, Path | None], columns: list[str] | None, demo: bool, stages: Stages
 ) -> Session:
     """The session of a scene file, or of the files of a new one."""
-    from regionpose.pick.session import Session
+    from regionpose.app.session import Session
 
     if columns is not None and files["--cloud"] is None:
         raise ValueError("--columns: found names of columns without --cloud; needed it beside")
@@ -100,7 +100,7 @@ def _session(
     if given and scene.exists():
         raise FileExistsError(f"{scene}: the file exists; needed no {given[0]} to open it, or the name of a new one")
     if demo:
-        from regionpose.demo.scene import folder
+        from regionpose.datasets.demo import folder
 
         held = folder()
         return Session.create(
@@ -133,7 +133,7 @@ def _has_frames(scene: Path) -> bool:
 
 def _frame(scene: Path, files: dict[str, Path | None], demo: bool, stages: Stages) -> Session:
     """The session of the first frame of a folder, or of a scene file with frames."""
-    from regionpose.pick.frames import Frames
+    from regionpose.app.frames import Frames
 
     taken = {"--camera"} if scene.is_dir() else set()
     odd = [name for name, path in files.items() if path is not None and name not in taken]

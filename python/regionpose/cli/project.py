@@ -20,11 +20,11 @@ from regionpose.cli.options import (
     Rectified,
     names_of,
 )
-from regionpose.outputs import refuse_existing, write_file
+from regionpose.io.outputs import refuse_existing, write_file
 
 if TYPE_CHECKING:
-    from regionpose.clouds import Cloud
-    from regionpose.pictures.colors import PosedImage
+    from regionpose.fusion.colors import PosedImage
+    from regionpose.io.clouds import Cloud
 
 CSV_HEADER = "index,x_px,y_px,depth_m"
 
@@ -97,7 +97,7 @@ def _write(path: Path, rows: list[tuple[int, float, float, float]], cloud: Cloud
         lines = [f"{index},{x:.4f},{y:.4f},{depth:.6f}" for index, x, y, depth in rows]
         path.write_text("\n".join([CSV_HEADER, *lines, ""]), encoding="utf-8")
         return
-    from regionpose.pictures.overlays import overlay_depth
-    from regionpose.pictures.png import save_png
+    from regionpose.io.png import save_png
+    from regionpose.viz.overlays import overlay_depth
 
     save_png(path, overlay_depth(view.image, view.camera, view.pose, cloud.points))

@@ -12,12 +12,12 @@ import typer
 
 from regionpose.cli.console import Progress, say_json, say_rows
 from regionpose.cli.options import AsJson, Columns, Force, Quiet, SegmenterName, names_of, numbers_of, scene_with
-from regionpose.outputs import claimed, refuse_existing, text_writer, write_file
+from regionpose.io.outputs import claimed, refuse_existing, text_writer, write_file
 
 if TYPE_CHECKING:
     from regionpose.regions.image import ImageRegion
     from regionpose.scene import Scene, SceneSides
-    from regionpose.scene.sides import WorldSide
+    from regionpose.scene.region_sides import WorldSide
 
 SCENE_SUFFIXES = {".yaml", ".yml", ".json"}
 SCENE_FILE = "scene.yaml"
@@ -61,7 +61,7 @@ def segment(
       regionpose segment image.jpg --seed 463,498 --out door.png
       regionpose segment cloud.ply --seed 4.63,5.13,0.97 --out door.npy
     """
-    from regionpose.reading import IMAGE_SUFFIXES
+    from regionpose.io.reading import IMAGE_SUFFIXES
 
     suffix = source.suffix.lower()
     if suffix in SCENE_SUFFIXES:
@@ -86,13 +86,13 @@ def segment(
 
 def _is_picture(path: Path) -> bool:
     """Whether a path names a picture in a bag."""
-    from regionpose.bags.place import bag_place
+    from regionpose.io.bags.place import bag_place
 
     place = bag_place(path)
     if place is None:
         return False
-    from regionpose.bags.messages import kind_of
-    from regionpose.bags.pictures import KINDS
+    from regionpose.io.bags.messages import kind_of
+    from regionpose.io.bags.pictures import KINDS
 
     return kind_of(place) in KINDS
 
@@ -100,12 +100,12 @@ def _is_picture(path: Path) -> bool:
 def _grower(tolerance: float | None, segmenter: str | None) -> Grower:
     """What makes a mask (h, w) of an image and a pixel: growing, or the best one of a segmenter."""
     if segmenter is None:
-        from regionpose.segmentation.image import grow_image_region
+        from regionpose.segment.image import grow_image_region
 
         return lambda image, seed: grow_image_region(image, seed, tolerance=tolerance)
     if tolerance is not None:
         raise ValueError("--tolerance: found it beside --segmenter; needed one of them")
-    from regionpose.segmentation.segmenters import load_segmenter, segmented
+    from regionpose.segment.segmenters import load_segmenter, segmented
 
     asked = load_segmenter(segmenter)
     return lambda image, seed: segmented(asked, image, [seed], [1])[0] >= MASK_LEVEL
@@ -141,8 +141,8 @@ def _segment_cloud(
     refuse_existing([out], force)
     import numpy as np
 
-    from regionpose.clouds import Cloud, write_ply
-    from regionpose.segmentation.cloud import grow_plane
+    from regionpose.io.clouds import Cloud, write_ply
+    from regionpose.segment.cloud import grow_plane
 
     with Progress(quiet) as progress:
         cloud = progress.read_cloud(path, columns)
@@ -186,8 +186,8 @@ def _scene_writers(scene: Scene, sides: SceneSides, out: Path) -> dict[str, Any]
     import numpy as np
     from PIL import Image
 
+    from regionpose.io.yaml_text import to_yaml
     from regionpose.scene.paths import moved
-    from regionpose.yaml_text import to_yaml
 
     writers: dict[str, Any] = {}
     held: Any = moved(scene.document.value, scene.path.parent, out)

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
-from regionpose.calibration import load_camera
-from regionpose.calibration.poses import PoseSource, read_pose_file
-from regionpose.pictures.colors import PosedImage
-from regionpose.sanity import check_camera, check_photo_name
+from regionpose.fusion.colors import PosedImage
+from regionpose.io.calibrations import load_camera
+from regionpose.io.calibrations.poses import PoseSource, read_pose_file
+from regionpose.scene.input_checks import check_camera, check_photo_name
 from regionpose.scene.sensors import read_picture
 
 Item = TypeVar("Item")

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionpose.arrays import check_coordinates, row_array
 from regionpose.regions.plane_samples import PlaneSamples, checked_sensor
+from regionpose.validation.arrays import check_coordinates, row_array
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
-from regionpose.arguments import checked_arguments
-from regionpose.arrays import KeptArrays, read_only, ring_list, signed_area
 from regionpose.cameras import Camera
 from regionpose.regions.hidden_edges import marked_edges, marked_lines, traced_beside
 from regionpose.regions.mask import MaskWindow, seam_free, traced_mask
 from regionpose.regions.pixel_edges import Border, border_lines, line_bearings, ring_bearings, seen_part, sides_of
+from regionpose.validation.arguments import checked_arguments
+from regionpose.validation.arrays import KeptArrays, read_only, ring_list, signed_area
 
 Array = NDArray[np.float64]
 Marks = NDArray[np.bool_]

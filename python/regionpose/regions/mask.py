@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
-from regionpose.arrays import KeptArrays, read_only
+from regionpose.validation.arrays import KeptArrays, read_only
 
 Array = NDArray[np.float64]
 

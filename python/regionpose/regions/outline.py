@@ -17,8 +17,8 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import Delaunay, QhullError
 
 from regionpose import _core
-from regionpose.arrays import signed_area
 from regionpose.regions.plane_samples import plane_samples, thinned
+from regionpose.validation.arrays import signed_area
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from regionpose.arrays import LARGEST_COORDINATE, check_coordinates, check_extent, row_array
 from regionpose.regions.plane_fit import INLIER_SIGMAS, MAD_TO_SIGMA, axes_of, robust_plane
+from regionpose.validation.arrays import LARGEST_COORDINATE, check_coordinates, check_extent, row_array
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
-from regionpose.arrays import check_coordinates, counter_clockwise, real_array, ring_list, row_array, signed_area
+from regionpose.validation.arrays import (
+    check_coordinates,
+    counter_clockwise,
+    real_array,
+    ring_list,
+    row_array,
+    signed_area,
+)
 
 Array = NDArray[np.float64]
 

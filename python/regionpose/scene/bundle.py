@@ -12,22 +12,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.clouds import Cloud, write_ply
-from regionpose.pictures.colors import colored_cloud
-from regionpose.pictures.overlays import overlay_depth, overlay_edges, overlay_regions
-from regionpose.pictures.png import save_png
-from regionpose.pictures.splat import splatted, viewpoints
-from regionpose.pose import Pose
+from regionpose.fusion.colors import colored_cloud
+from regionpose.geometry.pose import Pose
+from regionpose.io.clouds import Cloud, write_ply
+from regionpose.io.png import save_png
 from regionpose.scene.confirmed import RegionCheck
 from regionpose.scene.estimate import SceneEstimate, frame_label
-from regionpose.scene.known import given_pose
 from regionpose.scene.loading import Scene, has_pairs
 from regionpose.scene.region_files import REGION_LABELS, region_files
 from regionpose.scene.region_values import REGION_POINTS, numbered
 from regionpose.scene.report import Figure, Report, report_html
 from regionpose.scene.result import scene_result
+from regionpose.scene.solver_config import given_pose
 from regionpose.scene.stages import Stages
 from regionpose.scene.verdict import verdict
+from regionpose.viz.overlays import overlay_depth, overlay_edges, overlay_regions
+from regionpose.viz.splat import splatted, viewpoints
 
 Colors = NDArray[np.uint8]
 

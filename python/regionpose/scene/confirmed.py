@@ -9,21 +9,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose.alignment import Calibration, SceneFrame
-from regionpose.arguments import checked_arguments
-from regionpose.arrays import KeptArrays, check_coordinates, finite_array, row_array
-from regionpose.estimation.answer import PoseError, PoseEstimate
-from regionpose.estimation.options import Solver
-from regionpose.estimation.prior import Prior
-from regionpose.estimation.rig import Frame, estimate_rig
-from regionpose.estimation.single import estimate_pose
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
 from regionpose.progress import Progress, check_wanted, part, told_each
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.outline import sparse_sampling_told_to
 from regionpose.regions.world import WorldRegion
 from regionpose.scene.border_fit import BorderFit, fitted, joint_log_odds
 from regionpose.scene.plane_borders import Outline, View, outlines
-from regionpose.segmentation.planes import find_planes
+from regionpose.segment.planes import find_planes
+from regionpose.solve.estimate import PoseError, PoseEstimate
+from regionpose.solve.options import Solver
+from regionpose.solve.prior import Prior
+from regionpose.solve.rig import Frame, estimate_rig
+from regionpose.solve.single import estimate_pose
+from regionpose.validation.arguments import checked_arguments
+from regionpose.validation.arrays import KeptArrays, check_coordinates, finite_array, row_array
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

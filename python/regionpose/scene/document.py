@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from regionpose.json_text import joined_pairs, json_value
-from regionpose.reading import check_regular
-from regionpose.text_error import TextError, refuse_halves
-from regionpose.yaml_text import MappingNode, Node, SequenceNode, line_of, plain_value, yaml_node
+from regionpose.io.json_text import joined_pairs, json_value
+from regionpose.io.reading import check_regular
+from regionpose.io.text_error import TextError, refuse_halves
+from regionpose.io.yaml_text import MappingNode, Node, SequenceNode, line_of, plain_value, yaml_node
 
 Place = tuple[str | int, ...]
 """Where a value stands: the keys and indices that lead to it, () for the whole file."""

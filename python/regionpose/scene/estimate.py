@@ -11,27 +11,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose.alignment import Alignment, Calibration, Photo, RegionEvidence, SceneFrame, calibrate_with
-from regionpose.arguments import checked_arguments
 from regionpose.cameras import Camera
-from regionpose.estimation.answer import PoseEstimate
-from regionpose.estimation.frame_scatter import FrameScatter
-from regionpose.estimation.options import Solver
-from regionpose.estimation.prior import Prior
-from regionpose.estimation.rig import Frame, FrameFit, Influence, estimate_rig
-from regionpose.estimation.sample_fit import SampleFit, sample_fit
-from regionpose.estimation.single import estimate_pose
-from regionpose.estimation.warning import PoseWarning
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
 from regionpose.progress import check_wanted
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 from regionpose.scene.confirmed import RegionCheck, region_check
 from regionpose.scene.exposure import SceneSides, matched, scene_sides
-from regionpose.scene.known import given_pose, scene_prior, scene_solver
 from regionpose.scene.loading import Scene
 from regionpose.scene.overlap_pairs import near_edges, paired_by_overlap, takes_edges
 from regionpose.scene.sensors import SensorOrigin
+from regionpose.scene.solver_config import given_pose, scene_prior, scene_solver
 from regionpose.scene.stages import Stages
+from regionpose.solve.estimate import PoseEstimate
+from regionpose.solve.frame_scatter import FrameScatter
+from regionpose.solve.options import Solver
+from regionpose.solve.prior import Prior
+from regionpose.solve.rig import Frame, FrameFit, Influence, estimate_rig
+from regionpose.solve.sample_fit import SampleFit, sample_fit
+from regionpose.solve.single import estimate_pose
+from regionpose.solve.warning import PoseWarning
+from regionpose.validation.arguments import checked_arguments
 
 Array = NDArray[np.float64]
 Value = TypeVar("Value")

@@ -10,21 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose.cameras import Camera
-from regionpose.clouds import Cloud
-from regionpose.estimation.matching import RegionMatches, match_regions
-from regionpose.estimation.sides import overlap_errors
-from regionpose.estimation.warning import PoseWarning
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
+from regionpose.io.clouds import Cloud
 from regionpose.progress import Progress, part, told_each
 from regionpose.regions.image import ImageRegion
-from regionpose.sanity import check_camera, check_intensity, check_photo_name, check_regions, check_unit
 from regionpose.scene.document import Place
-from regionpose.scene.known import scene_prior, scene_solver
+from regionpose.scene.input_checks import check_camera, check_intensity, check_photo_name, check_regions, check_unit
 from regionpose.scene.loading import Scene, named_regions
 from regionpose.scene.models import ImageSide, RegionItem, WorldRegionItem
+from regionpose.scene.region_sides import Scan, WorldSide, image_side, plane_sides, scene_origin, world_side
 from regionpose.scene.sensors import Picture, SensorOrigin, read_sensors, sensor_origin
-from regionpose.scene.sides import Scan, WorldSide, image_side, plane_sides, scene_origin, world_side
+from regionpose.scene.solver_config import scene_prior, scene_solver
 from regionpose.scene.stages import Stages
+from regionpose.solve.core_inputs import overlap_errors
+from regionpose.solve.matching import RegionMatches, match_regions
+from regionpose.solve.warning import PoseWarning
 
 Array = NDArray[np.float64]
 

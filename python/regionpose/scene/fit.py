@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from regionpose.estimation.sample_fit import SampleFit
 from regionpose.scene.estimate import SceneEstimate
+from regionpose.solve.sample_fit import SampleFit
 
 
 class Fit(NamedTuple):

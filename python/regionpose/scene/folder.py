@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from regionpose.clouds.kinds import ENDINGS
-from regionpose.reading import IMAGE_SUFFIXES
+from regionpose.io.clouds.kinds import ENDINGS
+from regionpose.io.masks.mask_files import file_items
+from regionpose.io.masks.mask_items import MaskItem
+from regionpose.io.reading import IMAGE_SUFFIXES
+from regionpose.io.yaml_text import to_yaml
 from regionpose.scene.document import Document, Place, SceneError, brief, document_of, read_document
 from regionpose.scene.loading import Scene, scene_of
 from regionpose.scene.models import PLANES
 from regionpose.scene.paths import moved, relative
-from regionpose.segmentation.mask_files import file_items
-from regionpose.segmentation.mask_items import MaskItem
-from regionpose.yaml_text import to_yaml
 
 Values = dict[str, Any]
 

@@ -9,8 +9,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from regionpose.bags.messages import digest
-from regionpose.bags.place import bag_place
+from regionpose.io.bags.messages import digest
+from regionpose.io.bags.place import bag_place
 from regionpose.scene.loading import Scene, named_regions
 from regionpose.scene.models import CameraFile, ImageMask, WorldMesh, WorldPoints
 from regionpose.scene.paths import relative

@@ -11,7 +11,7 @@ from pydantic_core import ErrorDetails
 
 from regionpose.scene.document import Document, Place, SceneError, brief, read_document
 from regionpose.scene.models import EXPOSURE_KEYS, CloudFile, FrameItem, ImageMask, ImageSide, SceneModel, WorldSide
-from regionpose.segmentation.segmenters import Segmenter
+from regionpose.segment.segmenters import Segmenter
 
 
 @dataclass(frozen=True)

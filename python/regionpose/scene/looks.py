@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.bags.place import NANOSECONDS
+from regionpose.io.bags.place import NANOSECONDS
 
 Array = NDArray[np.float64]
 Thumbnail = NDArray[np.float32]

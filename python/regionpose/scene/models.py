@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, Tag
 
-from regionpose.estimation.options import Solver
-from regionpose.scene.items import (
+from regionpose.scene.field_types import (
     Coefficients4,
     FileName,
     Item,
@@ -23,6 +22,7 @@ from regionpose.scene.items import (
     choice,
     key_among,
 )
+from regionpose.solve.options import Solver
 
 
 class _Camera(Item):

@@ -13,14 +13,14 @@ from shapely.geometry.base import BaseGeometry
 
 from regionpose.alignment import Calibration
 from regionpose.cameras import Camera
-from regionpose.estimation.answer import PoseError
-from regionpose.estimation.prior import Prior
-from regionpose.pictures.projections import projected_rings
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 from regionpose.scene.exposure import Matching, SceneSides, Unpaired, checked
 from regionpose.scene.models import PLANES
+from regionpose.solve.estimate import PoseError
+from regionpose.solve.prior import Prior
+from regionpose.viz.projections import projected_rings
 
 Array = NDArray[np.float64]
 

@@ -14,10 +14,10 @@ from scipy.spatial import cKDTree
 
 from regionpose.alignment.frame import SceneFrame
 from regionpose.alignment.views import EDGE_SHARE, cell_and_gap, half_field, pixel_angle
-from regionpose.pictures.projections import projected_rings
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
 from regionpose.regions.outline import sparse_sampling_told_to
 from regionpose.regions.world import WorldRegion
+from regionpose.viz.projections import projected_rings
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

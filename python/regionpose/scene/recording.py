@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.bags import camera_info, pictures
-from regionpose.bags.messages import ABSOLUTE_NS, BagSummary, RecordedMessage, recorded_messages, summary
-from regionpose.bags.pictures import message_picture
-from regionpose.bags.place import NANOSECONDS, BagPlace
-from regionpose.clouds import ros
+from regionpose.io.bags import camera_info, pictures
+from regionpose.io.bags.messages import ABSOLUTE_NS, BagSummary, RecordedMessage, recorded_messages, summary
+from regionpose.io.bags.pictures import message_picture
+from regionpose.io.bags.place import NANOSECONDS, BagPlace
+from regionpose.io.clouds import ros
 from regionpose.progress import Progress, check_wanted
 from regionpose.scene.document import SceneError
 from regionpose.scene.folder import FolderOptions, Pair, scene_of_pairs

@@ -11,7 +11,7 @@ import shapely
 from numpy.typing import NDArray
 from PIL import Image
 
-from regionpose.clouds import Cloud
+from regionpose.io.clouds import Cloud
 from regionpose.scene.confirmed import ConfirmedRegion
 from regionpose.scene.estimate import SceneEstimate
 from regionpose.scene.region_values import REGION_POINTS

@@ -13,7 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 from PIL import Image
 
-from regionpose.units import angle_text, length_text
+from regionpose.geometry.units import angle_text, length_text
 
 LARGEST_SIDE = 1600
 """Pictures are scaled down to this, pixels: wide enough to judge edges by, small enough to mail."""

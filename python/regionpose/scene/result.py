@@ -11,18 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose.alignment import Calibration
-from regionpose.estimation.answer import PoseEstimate
-from regionpose.exporting.view import camera_values
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
+from regionpose.io.exports.view import camera_values
 from regionpose.scene.estimate import SceneEstimate
 from regionpose.scene.exposure import SceneSides
 from regionpose.scene.inputs import input_values, versions
 from regionpose.scene.loading import Scene
 from regionpose.scene.paths import relative
+from regionpose.scene.region_sides import WorldSide
 from regionpose.scene.region_values import confirmed_values
-from regionpose.scene.sides import WorldSide
 from regionpose.scene.values import pose_values, warning_values
 from regionpose.scene.verdict import limits
+from regionpose.solve.estimate import PoseEstimate
 
 FORMAT = "regionpose result 1"
 

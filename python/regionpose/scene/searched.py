@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
 
 DEFAULT_UP_SIGMA_DEG = 15.0
 """Standard deviation of a direction up where none is given, as of `Prior`."""

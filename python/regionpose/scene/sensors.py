@@ -10,9 +10,6 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.bags.pictures import read_bag_picture
-from regionpose.bags.place import bag_place
-from regionpose.calibration import load_camera
 from regionpose.cameras import (
     Camera,
     EquirectangularCamera,
@@ -23,10 +20,13 @@ from regionpose.cameras import (
     UnifiedCamera,
 )
 from regionpose.cameras.base import resize_factor
-from regionpose.clouds import Cloud, read_cloud
-from regionpose.clouds.kinds import file_size
+from regionpose.io.bags.pictures import read_bag_picture
+from regionpose.io.bags.place import bag_place
+from regionpose.io.calibrations import load_camera
+from regionpose.io.clouds import Cloud, read_cloud
+from regionpose.io.clouds.kinds import file_size
+from regionpose.io.reading import read_colors, read_turn
 from regionpose.progress import Progress
-from regionpose.reading import read_colors, read_turn
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import (

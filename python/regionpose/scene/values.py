@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from regionpose.estimation.warning import PoseWarning
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
+from regionpose.solve.warning import PoseWarning
 
 
 def pose_values(pose: Pose, meaning: str | None = None) -> dict[str, Any]:

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from regionpose.alignment.odds import DECISIVE
+from regionpose.geometry.units import angle_text, length_text
 from regionpose.scene.estimate import SceneEstimate
 from regionpose.scene.fit import scene_fit
-from regionpose.scene.known import scene_solver
-from regionpose.units import angle_text, length_text
+from regionpose.scene.solver_config import scene_solver
 
 ADVICE = {
     "ambiguous-matching": "Pair the regions yourself (regions with both sides), or add one whose shape is its own.",

@@ -10,15 +10,15 @@ from scipy.spatial.transform import Rotation
 
 from regionpose import _core
 from regionpose.cameras import Camera
-from regionpose.estimation.contours import (
+from regionpose.evaluation.studies.problems import StudyProblem, world_region
+from regionpose.geometry.pose import Pose
+from regionpose.solve.contours import (
     Contours,
     contours_of,
     distance_derivatives,
     distances_of,
     outline_derivatives,
 )
-from regionpose.evaluation.studies.problems import StudyProblem, world_region
-from regionpose.pose import Pose
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from regionpose.calibration import load_camera
 from regionpose.evaluation.masks import image_size
 from regionpose.evaluation.setups import PoseRange, Setup
 from regionpose.evaluation.studies.catalog import study_named
@@ -19,6 +18,7 @@ from regionpose.evaluation.studies.rows import Results
 from regionpose.evaluation.studies.runner import Progress, run_study
 from regionpose.evaluation.studies.storage import OtherSettingsError
 from regionpose.evaluation.studies.study import Study
+from regionpose.io.calibrations import load_camera
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor

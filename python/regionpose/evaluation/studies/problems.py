@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from regionpose.cameras import Camera
-from regionpose.estimation.prior import Prior
 from regionpose.evaluation.lidar import LidarScan, SpinningLidar, lidar_scan, mislabeled
 from regionpose.evaluation.masks import (
     MaskPatch,
@@ -39,10 +38,11 @@ from regionpose.evaluation.setups import GrazingPoses, PoseSource, Setup, Turned
 from regionpose.evaluation.studies.conditions import Condition, Scan, Value
 from regionpose.evaluation.studies.drawn import OUTLINE_TOLERANCE_PX, ROUGH_CORNER_PX, by_hand, drawn_region
 from regionpose.evaluation.studies.wrong_regions import with_wrong_region
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.mask import MaskWindow, traced_mask
 from regionpose.regions.world import WorldRegion
+from regionpose.solve.prior import Prior
 
 Array = NDArray[np.float64]
 

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from regionpose.estimation.answer import PoseEstimate
 from regionpose.evaluation.masks import ProjectionError, project_region
 from regionpose.evaluation.measures import is_solved, overlap_error, pose_errors
 from regionpose.evaluation.studies.bounds import PoseBound
 from regionpose.evaluation.studies.conditions import CONDITION_TYPES, Condition, Value
 from regionpose.evaluation.studies.problems import StudyProblem
-from regionpose.pose import Pose
+from regionpose.geometry.pose import Pose
+from regionpose.solve.estimate import PoseEstimate
 
 Array = NDArray[np.float64]
 Row = dict[str, Value]

@@ -11,9 +11,6 @@ from time import perf_counter
 from typing import Any, Literal
 
 from regionpose import _core
-from regionpose.estimation.options import EXACT_EXPOSURE, Solver
-from regionpose.estimation.prior import Prior
-from regionpose.estimation.single import estimate_pose
 from regionpose.evaluation.setups import Setup, fisheye_setup, omnidirectional_setup, perspective_setup
 from regionpose.evaluation.studies.bounds import pose_bound
 from regionpose.evaluation.studies.conditions import (
@@ -27,6 +24,9 @@ from regionpose.evaluation.studies.conditions import (
 from regionpose.evaluation.studies.problems import StudyProblem, draw_problem
 from regionpose.evaluation.studies.rows import Row, failed_row, solved_row
 from regionpose.regions.outline import SparseSamplingWarning, sparse_sampling_told_to
+from regionpose.solve.options import EXACT_EXPOSURE, Solver
+from regionpose.solve.prior import Prior
+from regionpose.solve.single import estimate_pose
 
 ChartKind = Literal["sorted", "solved", "coverage", "confidence", "cost"]
 ProblemMaker = Callable[[Setup, Condition, int], StudyProblem]

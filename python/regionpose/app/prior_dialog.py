@@ -1,0 +1,153 @@
+"""The page's question what is known of the pose beforehand."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+
+from nicegui import ui
+
+from regionpose.app.desk import Desk
+from regionpose.app.elements import complain, toggle
+from regionpose.app.known import AHEAD_SIGMA_DEG, NEAR_SIGMA_M, Known, Triple
+from regionpose.app.texts import PRIOR_QUESTION
+from regionpose.solve.prior import MOUNT_SIGMA_M, UP_SIGMA_DEG
+
+Answered = Callable[[Known], Awaitable[bool]]
+
+NOT_KNOWN = "not known"
+
+UPWARD: dict[str, Triple] = {
+    "z": (0.0, 0.0, 1.0),
+    "-z": (0.0, 0.0, -1.0),
+    "y": (0.0, 1.0, 0.0),
+    "-y": (0.0, -1.0, 0.0),
+    "x": (1.0, 0.0, 0.0),
+    "-x": (-1.0, 0.0, 0.0),
+}
+"""Directions of a cloud's frame that may be up, by what the page calls them."""
+
+
+class PriorDialog:
+    """A button that says what is known of the pose beforehand, and the question behind it."""
+
+    def __init__(self, desk: Desk, answered: Answered) -> None:
+        """Build the button and the dialog; `answered` is told what is known, and says whether it was taken."""
+        self._desk, self._answered = desk, answered
+        self._button = ui.button(icon="explore", on_click=self._ask).props("flat dense no-caps size=12.5px")
+        self._button.tooltip("What is known of the pose beforehand: place, direction of view, up").mark("prior")
+        with ui.dialog() as self._dialog, ui.card().style("max-width:560px;padding:20px 26px"):
+            ui.html(PRIOR_QUESTION, sanitize=False)
+            self._near = _Vector("The camera stands near", "m", "within, m")
+            self._anywhere = ui.checkbox("or anywhere, also far from the scanner").props("dense")
+            self._ahead = _Vector("It looks along", "", "to, degrees")
+            self._up = _Vector("Up in the photo is", "", "to, degrees")
+            with ui.row().style("gap:12px;margin-top:12px"):
+                ui.button("Use it", on_click=self._use).props("unelevated dense no-caps").mark("use-prior")
+                ui.button("Nothing is known", on_click=self._forget).props("flat dense no-caps")
+                ui.button("Leave it", on_click=self._dialog.close).props("flat dense no-caps")
+        self.show()
+
+    def show(self) -> None:
+        """Say on the button what is known."""
+        text = self._desk.session.known.text
+        self._button.set_text(f"Known: {text}" if text else "Known beforehand …")
+        self._button.props(f"color={'blue-8' if text else 'grey-8'}")
+
+    def _ask(self) -> None:
+        known, scanner = self._desk.session.known, self._desk.session.scanner
+        place = None if scanner is None else (float(scanner[0]), float(scanner[1]), float(scanner[2]))
+        usual_m = MOUNT_SIGMA_M if self._desk.session.searches_edges else NEAR_SIGMA_M
+        self._near.set(known.near or place, known.near_sigma_m or usual_m)
+        self._anywhere.set_value(known.is_anywhere)
+        self._ahead.set(known.ahead, known.ahead_sigma_deg or AHEAD_SIGMA_DEG)
+        self._up.set(known.up, known.up_sigma_deg or 15.0)
+        self._dialog.open()
+
+    async def _use(self) -> None:
+        scanner = self._desk.session.scanner
+        try:
+            near, ahead, up = (vector.value for vector in (self._near, self._ahead, self._up))
+        except ValueError as error:
+            complain(str(error))
+            return
+        at_scanner = near is not None and scanner is not None and near == tuple(scanner.tolist())
+        known = Known(
+            near=None if at_scanner else near,
+            near_sigma_m=self._near.sigma if near is not None else None,
+            is_anywhere=bool(self._anywhere.value),
+            ahead=ahead,
+            ahead_sigma_deg=self._ahead.sigma if ahead is not None else None,
+            up=up,
+            up_sigma_deg=self._up.sigma if up is not None else None,
+        )
+        if await self._answered(known):  # What was refused stays to be mended.
+            self._dialog.close()
+
+    async def _forget(self) -> None:
+        self._dialog.close()
+        await self._answered(Known())
+
+
+class UpChoice:
+    """A row of buttons that says which direction of the cloud's frame is up, where the pose comes from edges."""
+
+    def __init__(self, desk: Desk, answered: Answered) -> None:
+        """Build the row; `answered` as of `PriorDialog`."""
+        self._desk, self._answered = desk, answered
+        with ui.element("div").classes("rp-up") as self._row:
+            ui.label("The camera is upright; up in the cloud is")
+            options = {name: name for name in (NOT_KNOWN, *UPWARD)}
+            self._choice = toggle(options, self._chosen, self._choose).mark("up")
+            self._choice.tooltip(f"To some {UP_SIGMA_DEG:g} degrees: far fewer poses are searched")
+        self.show()
+
+    @property
+    def _chosen(self) -> str | None:
+        """The button of what is known; None for another direction."""
+        up = self._desk.session.known.up
+        return NOT_KNOWN if up is None else next((name for name, axis in UPWARD.items() if axis == up), None)
+
+    def show(self) -> None:
+        """Show what is known."""
+        self._row.set_visibility(self._desk.session.searches_edges)
+        self._choice.set_value(self._chosen)
+
+    async def _choose(self) -> None:
+        name = self._choice.value
+        if name is None or name == self._chosen:
+            return
+        up = UPWARD.get(name)
+        sigma_deg = None if up is None else UP_SIGMA_DEG
+        await self._answered(replace(self._desk.session.known, up=up, up_sigma_deg=sigma_deg))
+
+
+class _Vector:
+    """Three numbers and how well they are known."""
+
+    def __init__(self, title: str, unit: str, within: str) -> None:
+        ui.label(title).classes("rp-title").style("margin-top:8px")
+        with ui.row().style("gap:14px"):
+            suffix = f"suffix={unit}" if unit else ""
+            self._numbers = [ui.number(axis).props(f"dense {suffix}").style("width:92px") for axis in "xyz"]
+            self._sigma = ui.number(within).props("dense").style("width:110px")
+        self._title = title
+
+    def set(self, values: Triple | None, sigma: float) -> None:
+        for number, value in zip(self._numbers, [None] * 3 if values is None else values, strict=True):
+            number.set_value(None if value is None else round(value, 6))
+        self._sigma.set_value(sigma)
+
+    @property
+    def value(self) -> Triple | None:
+        given = [number.value for number in self._numbers]
+        if all(value is None for value in given):
+            return None
+        if any(value is None for value in given):
+            raise ValueError(f"{self._title}: needed three numbers, or none")
+        x, y, z = (float(value) for value in given if value is not None)
+        return x, y, z
+
+    @property
+    def sigma(self) -> float | None:
+        return None if self._sigma.value is None else float(self._sigma.value)

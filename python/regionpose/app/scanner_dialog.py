@@ -1,0 +1,64 @@
+"""The page's question where the scanner stood."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+
+from nicegui import ui
+
+from regionpose.app.desk import Desk
+from regionpose.app.elements import complain
+from regionpose.app.texts import SCANNER_QUESTION, scanner_text
+
+Answered = Callable[[list[float] | None], Awaitable[None]]
+
+
+class ScannerDialog:
+    """A button that says where the scanner stood, and the question behind it: asked on its own where nobody has said,
+    before regions rest on it.
+    """
+
+    def __init__(self, desk: Desk, answered: Answered) -> None:
+        """Build the button and the dialog; `answered` is told the place, or None for scans of several places."""
+        self._desk, self._answered = desk, answered
+        self._button = ui.button(icon="sensors", on_click=self._ask).props("flat dense no-caps size=12.5px")
+        self._button.tooltip("Where the scanner stood, in the cloud's frame").mark("scanner")
+        with ui.dialog() as self._dialog, ui.card().style("max-width:520px;padding:20px 26px"):
+            ui.html(SCANNER_QUESTION, sanitize=False)
+            with ui.row().style("gap:16px"):
+                self._numbers = [ui.number(axis, suffix="m").props("dense").style("width:110px") for axis in "xyz"]
+            with ui.row().style("gap:12px;margin-top:12px"):
+                ui.button("There", on_click=self._there).props("unelevated dense no-caps").mark("there")
+                ui.button("At several places", on_click=self._several).props("flat dense no-caps")
+                ui.button("I don't know", on_click=self._dialog.close).props("flat dense no-caps")
+        self._has_asked = False
+        self.show()
+
+    def show(self) -> None:
+        """Say on the button what is known."""
+        session = self._desk.session
+        self._button.set_text(scanner_text(session.scanner, session.asks_for_scanner))
+        self._button.props(f"color={'orange-9' if session.asks_for_scanner else 'grey-8'}")
+        # The pose by edges takes the cloud's zero, and says so.
+        if session.asks_for_scanner and not self._has_asked and (session.regions or not session.searches_edges):
+            self._has_asked = True
+            self._ask()
+
+    def _ask(self) -> None:
+        session = self._desk.session
+        place = self._desk.proposal if session.scanner is None else session.scanner
+        for number, value in zip(self._numbers, [None] * 3 if place is None else place.tolist(), strict=True):
+            number.set_value(value)
+        self._dialog.open()
+
+    async def _there(self) -> None:
+        values = [number.value for number in self._numbers]
+        if any(value is None for value in values):
+            complain("needed three numbers, meters")
+            return
+        self._dialog.close()
+        await self._answered([float(value) for value in values])
+
+    async def _several(self) -> None:
+        self._dialog.close()
+        await self._answered(None)

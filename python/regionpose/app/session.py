@@ -1,0 +1,599 @@
+"""The state of a picking session: regions, their pairs, undo, and the scene file they are read from and saved to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from regionpose.app.edge_scene import bare_sides, compares_edges, without_regions
+from regionpose.app.known import Known
+from regionpose.app.parts import Choices, ImagePart, Levels, Picked, WorldPart, only
+from regionpose.app.proposals import mask_choices, picked_points, picked_world, plane_choices, segmenter_choices
+from regionpose.app.scene_text import check_scene, mask_name, points_name, region_lists, scene_of, scene_text
+from regionpose.app.sketch import Sketch
+from regionpose.cameras import Camera
+from regionpose.io.clouds import Cloud
+from regionpose.io.outputs import Writer, claimed, text_writer
+from regionpose.progress import told_each
+from regionpose.scene import Scene, SceneError, SceneEstimate, SceneSides, Stages, estimate_sides, load_scene
+from regionpose.scene.estimate import estimate_frames, estimate_regions
+from regionpose.scene.exposure import Unpaired, checked
+from regionpose.scene.models import PLANES
+from regionpose.scene.paths import relative
+from regionpose.scene.region_sides import Scan, WorldSide, image_side, plane_sides, scene_origin
+from regionpose.scene.sensors import Picture, read_sensors, sensor_origin
+from regionpose.scene.solver_config import scene_prior
+from regionpose.segment.cloud import points_on_plane
+from regionpose.segment.segmenters import Segmenter
+
+Array = NDArray[np.float64]
+
+MOST_UNDO = 200
+"""Steps that can be undone; each holds references to its regions, not copies."""
+
+LEAST_POINTS = 3
+"""Points that a plane has at the least."""
+
+MOST_REFITS = 10
+"""Fits of a plane to the points that it holds at the most, as many as `robust_plane` takes."""
+
+SAME_PLACE = 0.02
+"""Distance between two clicks at one place at the most, over that from the scanner: a degree, some ten pixels of a
+lidar's range image."""
+
+NO_PAIR = "found no pair; needed a region with a side in the photo and one in the cloud"
+
+STAND_IN: dict[str, Any] = {"seed": [0.0, 0.0]}
+"""A side in the photo, of a scene that is made to look at its region's other side."""
+
+
+@dataclass(eq=False)
+class Session:
+    """Regions picked in the photo and the cloud of a scene.
+
+    `path`: the scene file that `save` writes. `camera`, `image`, `cloud`: what it names. `segmenter`: what clicks in
+    the photo ask; they grow by color where it is None. Edits are ValueErrors that say what is needed, and change
+    nothing then. Not safe for several threads at once.
+    """
+
+    path: Path
+    camera: Camera
+    image: Picture
+    cloud: Cloud
+    sketch: Sketch
+    segmenter: Segmenter | None = None
+    _past: list[Sketch] = field(default_factory=list)
+    _future: list[Sketch] = field(default_factory=list)
+    _saved: Sketch = field(init=False)
+    _next: int = 0
+    _planes: dict[str, WorldSide] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """What there is at first needs no saving."""
+        self._saved = self.sketch
+
+    @classmethod
+    def create(
+        cls,
+        path: Path,
+        *,
+        image: Path,
+        camera: Path,
+        cloud: Path,
+        columns: Sequence[str] | None = None,
+        stages: Stages | None = None,
+        **extra: Any,
+    ) -> Session:
+        """A session without regions, to be saved at `path`; errors as of reading a scene's files.
+
+        `columns`: names of the cloud's columns, where its file has none. `stages` is told how much of the files is
+        read. FileNotFoundError where the folder is missing that it is to be saved in.
+        """
+        if not path.parent.is_dir():
+            raise FileNotFoundError(f"{path.parent}: no such folder; needed one to save {path.name} in")
+        folder = path.resolve().parent
+        files = {"camera": camera, "image": image, "cloud": cloud}
+        base: dict[str, Any] = {key: relative(file, folder) for key, file in files.items()}
+        if columns is not None:
+            base["cloud"] = {"file": base["cloud"], "columns": list(columns)}
+        return cls._with_sensors(path, {**base, **extra}, stages or Stages())
+
+    @classmethod
+    def open(cls, path: Path, *, stages: Stages | None = None) -> Session:
+        """The session of a scene file, with its regions; errors as of `load_scene` and of its files.
+
+        `stages` is told how much of files and regions is read.
+        """
+        scene, stages = load_scene(path), stages or Stages()
+        values = dict(scene.document.value) if isinstance(scene.document.value, dict) else {}
+        if scene.model.frames:
+            raise scene.error(("frames",), f"found {len(scene.model.frames)} frames; needed a scene of one photo")
+        return cls.of_values(path, values, stages)
+
+    @classmethod
+    def of_values(cls, path: Path, values: dict[str, Any], stages: Stages) -> Self:
+        """The session of what a scene file at `path` says of one photo; errors as of its files."""
+        values = dict(values)
+        held_lists = {key: values.get(key, []) for key in ("regions", "image_regions", "world_regions")}
+        lists = {key: values.pop(key, []) for key, held in held_lists.items() if isinstance(held, list)}
+        session = cls._with_sensors(path, values, stages)
+        with stages.stage("regions"):
+            for written, _ in told_each([region for held in lists.values() for region in held], stages.progress):
+                session._read(written)
+        session._saved = session.sketch = replace(session.sketch, selected=None)
+        return session
+
+    @classmethod
+    def _with_sensors(cls, path: Path, base: dict[str, Any], stages: Stages) -> Self:
+        scene = scene_of(path, {**base, "regions": [_alone(STAND_IN, {"seed": [0.0, 0.0, 0.0]})]})
+        image, camera, cloud = read_sensors(scene, stages)
+        if cloud is None:
+            raise SceneError(f"{path}: found no cloud; needed one to pick in")
+        scan = Scan.of(cloud, scene_origin(scene, cloud), sensor_origin(scene, cloud))
+        return cls(path, camera, image, cloud, Sketch(base, scan))
+
+    def _read(self, written: dict[str, Any]) -> None:
+        """Add a region that the scene file holds."""
+        held: dict[str, Any] = {"key": self._next, "name": written["name"]}
+        if "image" in written:
+            held["image"] = only(self._image_part(written["image"]))
+        if "world" in written:
+            held["world"] = only(self._world_part(written["world"]))
+        self._next += 1
+        self.sketch = self.sketch.with_region(Picked(**held))
+
+    def _image_part(self, written: dict[str, Any]) -> ImagePart:
+        scene = self._scene([_alone(written, {"seed": [0.0, 0.0, 0.0]})])
+        item = scene.model.regions[0].image
+        return ImagePart(written, image_side(scene, ("regions", 0, "image"), item, self.image))
+
+    def _world_part(self, written: dict[str, Any], label: str = "") -> WorldPart:
+        return picked_world(self._scene_with(written), written, self.scan, label)
+
+    def _scene_with(self, world: dict[str, Any]) -> Scene:
+        """A scene of one region with this side in the cloud."""
+        return self._scene([_alone(STAND_IN, world)])
+
+    def _scene(self, regions: list[dict[str, Any]]) -> Scene:
+        return scene_of(self.path, {**self.base, "regions": regions})
+
+    @property
+    def base(self) -> dict[str, Any]:
+        """What the scene file says beside regions."""
+        return self.sketch.base
+
+    @property
+    def scan(self) -> Scan:
+        """The cloud, and where its scanner stood."""
+        return self.sketch.scan
+
+    @property
+    def asks_for_scanner(self) -> bool:
+        """Whether neither the scene nor the cloud's file says where the scanner stood, or that there were several."""
+        return self.scan.scanner is None and "sensor_origin" not in self.base
+
+    @property
+    def scanner(self) -> Array | None:
+        """Where the scanner stood (3,), in the cloud's world; None where that isn't known, or there were several."""
+        return None if self.scan.scanner is None else self.scan.scanner + self.scan.origin
+
+    def set_scanner(self, place: Sequence[float] | None) -> None:
+        """Say where the scanner stood (3,), in the cloud's world; None for scans of several places merged.
+
+        What the regions are known by follows. ValueError where one of them can't be made then.
+        """
+        if place is not None and not (len(place) == 3 and np.isfinite(place).all()):
+            raise ValueError("the scanner's place: needed three numbers, meters")
+        base = {**self.base, "sensor_origin": None if place is None else [float(value) for value in place]}
+        before, local = self.sketch, None if place is None else np.asarray(place, dtype=np.float64) - self.scan.origin
+        self.sketch = replace(before, base=base, scan=self.scan._replace(scanner=local))
+        try:
+            moved = replace(self.sketch, regions=tuple(self._again(picked) for picked in before.regions))
+        finally:
+            self.sketch = before
+        self._change(moved)
+
+    @property
+    def known(self) -> Known:
+        """What is known of the pose beforehand."""
+        return Known.of(self.base.get("prior", {}))
+
+    def set_known(self, known: Known) -> None:
+        """Say what is known of the pose beforehand, which the scene file's `prior` then holds.
+
+        ValueError for what is no direction, no deviation, or a direction of view from no place.
+        """
+        self.set_prior(known.prior(self.base.get("prior", {}), self.scanner))
+
+    def set_prior(self, prior: dict[str, Any]) -> None:
+        """Say what the scene file's `prior` holds; ValueError for what is none."""
+        base = {key: value for key, value in self.base.items() if key != "prior"} | ({"prior": prior} if prior else {})
+        scene = scene_of(self.path, {**base, "regions": [_alone(STAND_IN, {"seed": [0.0, 0.0, 0.0]})]})
+        scene_prior(scene, sensor_origin(scene, self.cloud))
+        self._change(replace(self.sketch, base=base))
+
+    def _again(self, picked: Picked) -> Picked:
+        """The region with its side in the cloud made again, the one that is taken."""
+        if picked.world is None:
+            return picked
+        part = picked.world.chosen
+        if part.picked:
+            again = picked_points(self.scan, self.cloud.from_file_indices(part.written["points"]), part.label)
+        else:
+            again = self._world_part(part.written, part.label)
+        return replace(picked, world=only(again))
+
+    @property
+    def regions(self) -> tuple[Picked, ...]:
+        """The regions, in the order of the list."""
+        return self.sketch.regions
+
+    @property
+    def pairs(self) -> tuple[Picked, ...]:
+        """The regions with both sides."""
+        return tuple(picked for picked in self.regions if picked.is_paired)
+
+    @property
+    def can_estimate(self) -> bool:
+        """Whether there is a pair, or regions of either side to be matched."""
+        return bool(self.pairs) or self._can_match
+
+    @property
+    def searches_edges(self) -> bool:
+        """Whether the pose comes from the edges of photo and cloud: there is no pair, and nothing to be matched."""
+        return not self.can_estimate and compares_edges(self.base)
+
+    @property
+    def has_estimate(self) -> bool:
+        """Whether there is anything that a pose comes from."""
+        return self.can_estimate or self.searches_edges
+
+    @property
+    def basis(self) -> list[tuple[int, object, object]]:
+        """What the estimate is made of, beside `base`: key and sides of the pairs, and of all regions where some can be
+        matched.
+        """
+        return [
+            (picked.key, picked.image and picked.image.chosen, picked.world and picked.world.chosen)
+            for picked in (self.regions if self._can_match else self.pairs)
+        ]
+
+    @property
+    def _can_match(self) -> bool:
+        """Whether there are regions of either side alone; planes are not looked for to tell."""
+        in_photo = any(picked.world is None for picked in self.regions)
+        return in_photo and (self._asks_planes or any(picked.image is None for picked in self.regions))
+
+    @property
+    def _asks_planes(self) -> bool:
+        """Whether the photo's own regions are to be matched with all planes of the cloud."""
+        return self.base.get("world_regions") == PLANES and all(picked.image is not None for picked in self.regions)
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is a step to take back."""
+        return bool(self._past)
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether a step that was taken back can be taken again."""
+        return bool(self._future)
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether there is something to save."""
+        return (self.sketch.regions, self.base) != (self._saved.regions, self._saved.base)
+
+    @property
+    def can_save(self) -> bool:
+        """Whether there is something to save, or no file yet."""
+        return self.is_changed or not self.path.exists()
+
+    def select(self, key: int | None) -> None:
+        """Work on a region, or on none, so that the next click begins a new one."""
+        self.sketch = replace(self.sketch, selected=None if key is None else self.sketch.region(key).key)
+
+    def click_photo(self, pixel: Sequence[float], *, again: bool = False) -> None:
+        """Grow a mask at a pixel (x, y) for the selected region, or for a new one where that has a mask already.
+
+        `again`: the selected region's mask is replaced.
+        """
+        ask = mask_choices if self.segmenter is None else partial(segmenter_choices, self.segmenter)
+        self._give("image", ask(self.image, pixel), again)
+
+    def draw_polygon(self, ring: Sequence[Sequence[float]], *, hidden: Sequence[int] = (), again: bool = False) -> None:
+        """Give the selected region, or a new one, a polygon of pixels (n, 2), some of whose edges are hidden."""
+        written: dict[str, Any] = {"polygon": [[round(float(value), 2) for value in vertex] for vertex in ring]}
+        if hidden:
+            written["hidden_edges"] = sorted(int(edge) for edge in hidden)
+        self._give("image", only(self._image_part(written)), again)
+
+    def click_cloud(self, place: Sequence[float] | Array, *, again: bool = False) -> None:
+        """Take the plane around a point (3,) of the world for the selected region, or for a new one, as above.
+
+        A further click at the place takes the next narrower proposal, and the whole plane again after the last.
+        """
+        selected = self.sketch.selected
+        held = None if selected is None else self.sketch.region(selected).world
+        if selected is not None and held is not None and self._is_at(held.place, place):
+            self.choose(selected, "world", (held.index or len(held)) - 1)
+            return
+        choices = plane_choices(self.scan, self._scene_with, np.asarray(place, dtype=np.float64))
+        self._give("world", choices, again)
+
+    def _is_at(self, clicked: tuple[float, float, float] | None, place: Sequence[float] | Array) -> bool:
+        """Whether a click is at the place of one before, as seen from the scanner, or from the cloud's zero."""
+        if clicked is None:
+            return False
+        eye = np.zeros(3) if self.scanner is None else self.scanner
+        one, other = np.asarray(clicked, dtype=np.float64), np.asarray(place, dtype=np.float64)
+        return float(np.linalg.norm(other - one)) <= SAME_PLACE * float(np.linalg.norm(one - eye))
+
+    def cut_cloud(self, inside: Callable[[Array], NDArray[np.bool_]], shown: NDArray[np.int64]) -> None:
+        """Give the selected region, or a new one, the points of a plane for which `inside` says so, of local points
+        (n, 3) of the cloud.
+
+        The plane is that of the region's points inside, or, where it has none, of most of those `shown` (k,) inside:
+        indices of the points that a picture shows, since others may lie behind them. It is fitted anew to what it holds
+        until that stays, so that it does not depend on how far the region was grown. All of the cloud's points count,
+        also those that were not reached: beyond a window, or on a scan line that is off. ValueError for too few points
+        inside, or those of one line.
+        """
+        points = self.cloud.local_points
+        start = self._selected_points
+        start = shown if start is None else start
+        held = start[inside(points[start])]
+        if len(held) < LEAST_POINTS:
+            raise ValueError(f"found {len(held)} points inside; needed at least {LEAST_POINTS}")
+        for _ in range(MOST_REFITS):
+            on_plane = points_on_plane(points, held, self.scan.scanner)
+            before, held = held, on_plane[inside(points[on_plane])]
+            if np.array_equal(held, before):
+                break
+        self._give("world", only(picked_points(self.scan, held, "cut out")), again=True)
+
+    @property
+    def _selected_points(self) -> NDArray[np.intp] | None:
+        """Indices of the selected region's points of the cloud; None where it has none."""
+        selected = self.sketch.selected
+        world = None if selected is None else self.sketch.region(selected).world
+        return None if world is None else world.chosen.side.indices
+
+    def _give(self, side: str, choices: Choices[Any], again: bool) -> None:
+        selected = None if self.sketch.selected is None else self.sketch.region(self.sketch.selected)
+        if selected is None or (getattr(selected, side) is not None and not again):
+            selected = Picked(self._next, self._free_name())
+            self._next += 1
+        self._change(self.sketch.with_region(selected.with_side(side, choices)))
+
+    def _free_name(self) -> str:
+        names = {picked.name for picked in self.regions}
+        return next(name for number in range(1, len(names) + 2) if (name := f"region {number}") not in names)
+
+    def choose(self, key: int, side: str, index: int) -> None:
+        """Take another proposal of a region's side, "image" or "world"."""
+        region = self.sketch.region(key)
+        choices: Choices[Any] | None = getattr(region, side)
+        if choices is None:
+            raise ValueError(f"{region.name} has no side in the {'photo' if side == 'image' else 'cloud'} yet")
+        other = choices.at(index)
+        if other.index != choices.index:
+            _ = other.chosen
+            self._change(self.sketch.with_region(region.with_side(side, other)))
+
+    def rename(self, key: int, name: str) -> None:
+        """Name a region; ValueError for a name that another has, or that a scene file can't hold."""
+        region, cleaned = self.sketch.region(key), name.strip()
+        if cleaned == region.name:
+            return
+        if any(picked.name == cleaned for picked in self.regions):
+            raise ValueError(f"found {cleaned!r} twice; needed names that differ")
+        self._checked_name(cleaned)
+        self._change(self.sketch.with_region(replace(region, name=cleaned)))
+
+    def _checked_name(self, name: str) -> None:
+        try:
+            self._scene([_alone(STAND_IN, {"seed": [0.0, 0.0, 0.0]}) | {"name": name}])
+        except ValueError as error:
+            raise ValueError("needed a name of 1 to 200 characters on one line") from error
+
+    def remove(self, key: int, side: str | None = None) -> None:
+        """Remove a region, or one side of it."""
+        region = self.sketch.region(key)
+        left = None if side is None else region.with_side(side, None)
+        if left is None or (left.image is None and left.world is None):
+            self._change(self.sketch.without(key))
+        else:
+            self._change(self.sketch.with_region(left))
+
+    def unpair(self, key: int) -> None:
+        """Make two regions of one, the photo's side and the cloud's."""
+        region = self.sketch.region(key)
+        if not region.is_paired:
+            raise ValueError(f"{region.name} is not a pair; needed both sides")
+        other = Picked(self._next, self._free_name(), None, region.world)
+        self._next += 1
+        sketch = self.sketch.with_region(other).with_region(replace(region, world=None))
+        self._change(sketch)
+
+    def pair(self, first: int, second: int) -> None:
+        """Make one region of two that have one side each, in the photo and in the cloud; it keeps the first's name."""
+        one, two = self.sketch.region(first), self.sketch.region(second)
+        image, world = one.image or two.image, one.world or two.world
+        if one.is_paired or two.is_paired or image is None or world is None:
+            raise ValueError(f"{one.name} and {two.name}: needed one side in the photo and one in the cloud")
+        self._change(self.sketch.without(second).with_region(replace(one, image=image, world=world)))
+
+    def edit_polygon(
+        self, key: int, rings: Sequence[Sequence[Sequence[float]]], hidden: Sequence[Sequence[int]]
+    ) -> None:
+        """Give a region's polygon other vertices and hidden edges, each for its rings."""
+        region = self.sketch.region(key)
+        written: dict[str, Any] = {"polygon": [[[round(float(v), 2) for v in vertex] for vertex in r] for r in rings]}
+        if any(hidden):
+            written["hidden_edges"] = [sorted(int(edge) for edge in edges) for edges in hidden]
+        self._change(self.sketch.with_region(replace(region, image=only(self._image_part(_flattened(written))))))
+
+    def as_polygon(self, key: int, tolerance: float) -> None:
+        """Make a region's mask a polygon of few vertices, none of its contour farther off than `tolerance` pixels."""
+        import shapely
+
+        region = self.sketch.region(key)
+        if region.image is None:
+            raise ValueError(f"{region.name} has no side in the photo yet")
+        rings = [shapely.LinearRing(ring).simplify(tolerance) for ring in region.image.chosen.region.rings]
+        corners = [[list(vertex) for vertex in ring.coords[:-1]] for ring in rings if len(ring.coords) > 3]
+        self.edit_polygon(key, corners, [])
+
+    def _change(self, sketch: Sketch) -> None:
+        self._past, self._future = [*self._past[-MOST_UNDO + 1 :], self.sketch], []
+        self._take(sketch)
+
+    def undo(self) -> None:
+        """Take the last step back; nothing where there is none."""
+        if self._past:
+            self._future.append(self.sketch)
+            self._take(self._past.pop())
+
+    def redo(self) -> None:
+        """Take a step again that was taken back; nothing where there is none."""
+        if self._future:
+            self._past.append(self.sketch)
+            self._take(self._future.pop())
+
+    def _take(self, sketch: Sketch) -> None:
+        if sketch.scan is not self.scan:
+            self._planes = {}  # They rest on the scanner's place, too.
+        self.sketch = sketch
+
+    def values(self) -> dict[str, Any]:
+        """The scene file as plain values."""
+        return {**self.base, **region_lists(self.regions, self.path)}
+
+    def sides(self) -> SceneSides:
+        """Sensors and both sides of the pairs, and the regions to be matched; ValueError without any."""
+        pairs = self.pairs
+        if not self.can_estimate:
+            raise ValueError(NO_PAIR)
+        scene = scene_of(self.path, self.values())
+        sides = SceneSides(
+            scene,
+            self.camera,
+            self.image,
+            self.cloud,
+            self.scan.origin,
+            sensor_origin(scene, self.cloud),
+            tuple(picked.name for picked in pairs),
+            tuple(_chosen(picked.image).region for picked in pairs),
+            tuple(_chosen(picked.world).side for picked in pairs),
+            self._unpaired(),
+        )
+        return checked(sides)
+
+    def _unpaired(self) -> Unpaired:
+        """The regions of one side, which the estimate matches where there are some of either."""
+        images = [picked for picked in self.regions if picked.world is None]
+        worlds = {picked.name: _chosen(picked.world).side for picked in self.regions if picked.image is None}
+        if images and self._asks_planes:
+            if not self._planes:
+                self._planes.update(plane_sides(scene_of(self.path, self.values()), self.scan))
+            worlds = self._planes
+        image_regions = tuple(_chosen(picked.image).region for picked in images)
+        names = tuple(picked.name for picked in images)
+        return Unpaired(names, image_regions, tuple(worlds), tuple(worlds.values()))
+
+    def estimate(self, stages: Stages | None = None) -> SceneEstimate:
+        """The pose by the pairs and by what matches of the rest, as `regionpose estimate` on the saved file gives it;
+        PoseError where there is none.
+        """
+        return estimate_sides(self.sides(), stages)
+
+    def estimate_regions(self, stages: Stages | None = None) -> SceneEstimate:
+        """The pose by the regions alone, which is there soon; `scene.estimate.with_edges` goes on with it."""
+        sides = self.sides()
+        return estimate_regions(sides.scene, [sides], stages)
+
+    def edge_values(self) -> dict[str, Any]:
+        """The scene of the pose by edges as plain values: without regions, of all frames of a rig."""
+        return without_regions(self.base)
+
+    def estimate_edges(self, values: dict[str, Any], stages: Stages | None = None) -> SceneEstimate:
+        """The pose by the edges of photo and cloud alone, of a scene as of `edge_values`; PoseError where there is
+        none.
+        """
+        scene, stages = scene_of(self.path, values), stages or Stages()
+        # Planes that confirm it take as long again, and the page does not show them.
+        return estimate_frames(scene, self._edge_sides(scene, stages), stages, with_planes=False)
+
+    def _edge_sides(self, scene: Scene, stages: Stages) -> list[SceneSides]:
+        """Photo and cloud of each frame of a scene without regions."""
+        return [bare_sides(scene, self.image, self.camera, self.cloud)]
+
+    def keys_of(self, names: Sequence[str]) -> list[int]:
+        """The keys of regions by their names."""
+        keys = {picked.name: picked.key for picked in self.regions}
+        return [keys[name] for name in names]
+
+    def save(self) -> list[Path]:
+        """Write the scene file, its masks and its points, whole or not at all, and return their paths.
+
+        A mask, or a file of points, has a name of its own for what it holds, so that none is replaced; the scene file
+        goes last. SceneError, a ValueError, for regions of one side alone that nothing can be matched with.
+        """
+        values = self.values()
+        check_scene(self.path, values)
+        writers = {**self.part_writers(), self.path.name: text_writer(scene_text(values))}
+        with claimed(self.path.parent, list(writers), force=True) as claim:
+            written = claim.write(writers)
+        self.mark_saved()
+        return written
+
+    def mark_saved(self) -> None:
+        """What there is now needs no saving."""
+        self._saved = self.sketch
+
+    def part_writers(self) -> dict[str, Writer]:
+        """What writes the masks and the points that were picked, by their names beside the scene file."""
+        writers: dict[str, Writer] = {}
+        for picked in self.regions:
+            if picked.image is not None and picked.image.chosen.picked:
+                part = picked.image.chosen
+                writers[mask_name(part, self.path)] = partial(_write_mask, part.levels)
+            if picked.world is not None and picked.world.chosen.picked:
+                cut = picked.world.chosen
+                writers[points_name(cut, self.path)] = partial(_write_points, cut.written["points"])
+        return writers
+
+
+def _chosen(choices: Choices[Any] | None) -> Any:
+    """The proposal that is taken, of a side that is known to be there."""
+    assert choices is not None
+    return choices.chosen
+
+
+def _alone(image: dict[str, Any], world: dict[str, Any]) -> dict[str, Any]:
+    """The values of the one region of a scene."""
+    return {"name": "region", "image": image, "world": world}
+
+
+def _flattened(written: dict[str, Any]) -> dict[str, Any]:
+    """A polygon of a single ring as that ring, as people write it."""
+    if len(written["polygon"]) > 1:
+        return written
+    return {key: value[0] for key, value in written.items()}
+
+
+def _write_points(indices: NDArray[np.intp], path: Path) -> None:
+    with path.open("wb") as file:
+        np.save(file, np.asarray(indices, dtype=np.int64))
+
+
+def _write_mask(levels: Levels, path: Path) -> None:
+    Image.fromarray(levels).save(path, format="PNG")

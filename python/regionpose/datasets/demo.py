@@ -1,0 +1,122 @@
+"""The shipped scene: an image, a camera, a lidar cloud, six regions in both, and the true pose between the sensors."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionpose.cameras import PinholeCamera
+from regionpose.io.calibrations import load_camera
+from regionpose.io.clouds import Cloud, read_cloud
+from regionpose.io.reading import read_colors, read_pixels
+
+IMAGE_FILE = "image.jpg"
+LABELS_FILE = "labels.png"
+CAMERA_FILE = "camera_info.yaml"
+CLOUD_FILE = "cloud.ply"
+POINT_LABELS_FILE = "point_labels.npz"
+REGIONS_FILE = "regions.json"
+TRUTH_FILE = "truth.json"
+
+CLOUD_POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "u1")])
+"""One point of the cloud's PLY file."""
+
+
+@dataclass(frozen=True)
+class DemoRegion:
+    """A planar region of the scene, known in the image and in the lidar's frame.
+
+    `rings`: (n, 3) each, meters, lidar frame, counter-clockwise seen from the front. `label`: its value in
+    `DemoScene.labels`. `seed_pixel`: (x, y) inside it. `seed_point` (3,): a cloud point on it. `point_indices`: all
+    cloud points on it.
+    """
+
+    name: str
+    label: int
+    rings: tuple[NDArray[np.float64], ...]
+    seed_pixel: tuple[int, int]
+    seed_point: NDArray[np.float64]
+    point_indices: NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class DemoScene:
+    """A courtyard seen by a camera and by a lidar.
+
+    `image` (h, w, 3) uint8 sRGB; `labels` (h, w) uint8, 0 outside the regions, exact at pixel centers; `points` (n, 3)
+    meters, lidar frame, 1 cm range noise; `intensities` (n,) uint8. The truth is `x_camera = rotation @ x_lidar +
+    translation`, rotation (3, 3), translation (3,) meters.
+    """
+
+    image: NDArray[np.uint8]
+    camera: PinholeCamera
+    camera_path: Path
+    points: NDArray[np.float64]
+    intensities: NDArray[np.uint8]
+    labels: NDArray[np.uint8]
+    regions: tuple[DemoRegion, ...]
+    rotation: NDArray[np.float64]
+    translation: NDArray[np.float64]
+
+    def region(self, name: str) -> DemoRegion:
+        """The region of that name; ValueError when there is none."""
+        for region in self.regions:
+            if region.name == name:
+                return region
+        names = ", ".join(region.name for region in self.regions)
+        raise ValueError(f"the demo scene has no region {name!r}; it has {names}")
+
+
+def folder() -> Path:
+    """The folder of the shipped files, for tools that take paths."""
+    return Path(str(resources.files("regionpose.datasets") / "files"))
+
+
+def load(path: Path | None = None) -> DemoScene:
+    """The shipped scene, or one that the generator wrote to the folder `path`."""
+    held = folder() if path is None else path
+    cloud = read_cloud(held / CLOUD_FILE)
+    truth = json.loads((held / TRUTH_FILE).read_text(encoding="utf-8"))
+    camera = load_camera(held / CAMERA_FILE)
+    if not isinstance(camera, PinholeCamera):
+        raise ValueError(f"{CAMERA_FILE} holds a {type(camera).__name__}; the demo scene needs a PinholeCamera")
+    return DemoScene(
+        image=read_colors(held / IMAGE_FILE),
+        camera=camera,
+        camera_path=held / CAMERA_FILE,
+        points=cloud.points,
+        intensities=_intensities(cloud),
+        labels=read_pixels(held / LABELS_FILE).values,
+        regions=read_regions(held),
+        rotation=np.array(truth["rotation"]),
+        translation=np.array(truth["translation"]),
+    )
+
+
+def _intensities(cloud: Cloud) -> NDArray[np.uint8]:
+    if cloud.intensity is None:
+        raise ValueError(f"{CLOUD_FILE} holds no intensity; the demo scene needs one a point")
+    return cloud.intensity.astype(np.uint8)
+
+
+def read_regions(path: Path) -> tuple[DemoRegion, ...]:
+    """The regions written in the folder `path`, in the order of their labels."""
+    described = json.loads((path / REGIONS_FILE).read_text(encoding="utf-8"))["regions"]
+    with np.load(path / POINT_LABELS_FILE) as stored:
+        of_point = stored["labels"]
+    return tuple(
+        DemoRegion(
+            name=entry["name"],
+            label=entry["label"],
+            rings=tuple(np.array(ring) for ring in entry["rings"]),
+            seed_pixel=(entry["seed_pixel"][0], entry["seed_pixel"][1]),
+            seed_point=np.array(entry["seed_point"]),
+            point_indices=np.flatnonzero(of_point == entry["label"]),
+        )
+        for entry in described
+    )

@@ -1,8 +1,0 @@
-"""A camera's pose, and the camera where they want it, in the files of other tools."""
-
-from __future__ import annotations
-
-from regionpose.exporting.formats import FORMATS, Format, exported
-from regionpose.exporting.view import ExportedView
-
-__all__ = ["FORMATS", "ExportedView", "Format", "exported"]

@@ -1,0 +1,1 @@
+"""Colors of photos on point clouds."""

@@ -1,0 +1,332 @@
+"""Image colors on a point cloud, with the points that the camera doesn't see left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import grey_closing, grey_dilation, minimum_filter
+from scipy.spatial import cKDTree
+
+from regionpose.cameras import Camera
+from regionpose.geometry.pose import Pose
+from regionpose.io.clouds import Cloud
+from regionpose.validation.arguments import checked_arguments
+from regionpose.validation.arrays import checked_image, real_rows
+
+Floats = NDArray[np.float32]
+Bytes = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+
+VISIBLE_FIELD = "visible"
+
+BLOCK = 1 << 18
+"""Points mapped at a time, so that a cloud's temporaries stay small beside the cloud."""
+
+DEPTH_TOLERANCE = 0.03
+"""Share of the distance by which a point may lie behind the surface in front: range noise and the slope within a
+cell."""
+
+NEAREST = np.float32(1e-6)
+"""Meters; a point in the camera's center would weigh without limit."""
+
+LEAST_COSINE = np.float32(0.01)
+"""Weight of a view along a surface, or of a normal that is zero: a point that only such views see is still colored."""
+
+MOST_CELLS = 1_000_000
+"""Cells of the depth image at the most; larger images share a cell among several pixels."""
+
+LAYER_RATIO, LAYER_STEP = 1.5, 1.25
+"""Far over near distance of a layer, and from layer to layer: a surface lies in one of them where it's up to 1.2 times
+as far."""
+
+GAP_SAMPLES, GAP_NEIGHBORS = 400, 64
+"""Points of a layer whose gaps are measured, and neighbors looked at: a scan line's spacing and the next scan line."""
+
+GAP_PERCENTILE, GAP_FACTOR = 75.0, 1.5
+"""The layer's gap is this percentile of its points' gaps, times a slack for those above it."""
+
+WIDEST_GAP_SHARE = 1 / 16
+"""Gap over the image's diagonal at the most; what is farther apart is no surface."""
+
+
+class PosedImage(NamedTuple):
+    """An image (h, w) or (h, w, 3), its camera, and the pose `camera_from_world`."""
+
+    image: ArrayLike
+    camera: Camera
+    pose: Pose
+
+
+class _Projection(NamedTuple):
+    """Pixels (n, 2) and distances (n,) of points, NaN where outside the image."""
+
+    pixels: Floats
+    distances: Floats
+
+
+@checked_arguments
+def colorize(
+    points: ArrayLike, image: ArrayLike, camera: Camera, pose: Pose, *, depth_tolerance: float = DEPTH_TOLERANCE
+) -> tuple[Bytes, Mask]:
+    """Colors of world points in an image, and which points the camera sees.
+
+    Bilinear interpolation; black where a point isn't seen: not finite, outside the image, or behind others. The surface
+    that points sample closes the gaps between neighbors at a like distance, however sparse (a morphological closing of
+    the depth image, layer by layer). Up to a gap beside its outermost points it still hides what is half as far again.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        World coordinates.
+    image : (h, w) or (h, w, 3) array
+        uint8, uint16 or floats in [0, 1].
+    camera : Camera
+        That took the image.
+    pose : Pose
+        `camera_from_world`.
+    depth_tolerance : float
+        Points hide what lies behind the surface they sample by more than this share of its distance.
+
+    Returns
+    -------
+    (n, 3) array of uint8, (n,) array of bool
+        Colors, and whether a point is seen.
+
+    Raises
+    ------
+    ValueError
+        For other shapes or types, and for an image of another size than the camera's.
+    """
+    return blend_colors(points, [PosedImage(image, camera, pose)], depth_tolerance=depth_tolerance)
+
+
+def blend_colors(
+    points: ArrayLike,
+    views: Iterable[PosedImage | tuple[ArrayLike, Camera, Pose]],
+    *,
+    normals: ArrayLike | None = None,
+    depth_tolerance: float = DEPTH_TOLERANCE,
+) -> tuple[Bytes, Mask]:
+    """Colors of world points in several images, and which points any of the cameras sees.
+
+    The weighted mean of the images' colors. An image weighs `cos(angle) / distance^2`, its share of pixels per area up
+    to the focal length; the angle is the one between the ray and the point's normal, and counts as 0 without a normal.
+    Visibility as in `colorize`.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        World coordinates.
+    views : iterable of tuples
+        Image, camera and pose, as of `colorize`; taken one by one, so that they needn't be in memory together.
+    normals : (n, 3) array, optional
+        Of the points, of either side.
+    depth_tolerance : float
+        As of `colorize`.
+
+    Returns
+    -------
+    (n, 3) array of uint8, (n,) array of bool
+        Colors, and whether a point is seen.
+
+    Raises
+    ------
+    ValueError
+        Without a view, for other shapes or types, and for an image of another size than its camera's.
+    """
+    given = real_rows(points, "points", 3)
+    facing = None if normals is None else _checked_normals(normals, len(given))
+    tolerance = _checked_tolerance(depth_tolerance)
+    sums, weights = np.zeros((len(given), 3), dtype=np.float32), np.zeros(len(given), dtype=np.float32)
+    if not isinstance(views, Iterable):
+        raise ValueError(f"views is a {type(views).__name__}; needed a list of (image, camera, pose)")
+    count = 0
+    for view in views:
+        image, camera, pose = _checked_view(view, f"view {count}")
+        colors = checked_image(image)
+        camera.check_size(colors.shape, f"image of view {count}")
+        count += 1
+        projection = _projected(given, camera, pose, colors.shape[:2])
+        seen = np.flatnonzero(_visible(projection, colors.shape[:2], tolerance))
+        weight = np.maximum(projection.distances[seen], NEAREST) ** np.float32(-2.0)
+        if facing is not None:
+            weight *= _cosines(given[seen] - pose.camera_center, facing[seen])
+        sums[seen] += weight[:, None] * _sampled(colors, projection.pixels[seen])
+        weights[seen] += weight
+    if count == 0:
+        raise ValueError("there are 0 views; needed an image, its camera and its pose at least")
+    visible = weights > 0.0
+    sums[visible] /= weights[visible, None]
+    return np.round(sums, out=sums).astype(np.uint8), visible
+
+
+def colored_cloud(
+    cloud: Cloud, views: Iterable[PosedImage | tuple[ArrayLike, Camera, Pose]], *, normals: ArrayLike | None = None
+) -> tuple[Cloud, Mask]:
+    """The cloud with the colors of images, and which points (n,) any of the cameras sees.
+
+    Points that aren't seen keep their color, or are black; the field
+    `visible` (0, 1) tells. Colors as of `blend_colors`.
+    """
+    near = ((image, camera, pose.about(cloud.origin)) for image, camera, pose in views)
+    colors, visible = blend_colors(cloud.local_points, near, normals=normals)
+    if cloud.colors is not None:
+        colors[~visible] = cloud.colors[~visible]
+    return replace(cloud, colors=colors, fields={**cloud.fields, VISIBLE_FIELD: visible.astype(np.uint8)}), visible
+
+
+def project_points(
+    points: ArrayLike, camera: Camera, pose: Pose, size: tuple[int, int], *, hidden: bool = True
+) -> tuple[Floats, Floats]:
+    """Pixels (n, 2) and distances (n,) from the camera of world points (n, 3); NaN outside an image of `size` (h, w).
+
+    `hidden=False`: NaN, too, for points behind others, as in `colorize`.
+    """
+    projection = _projected(real_rows(points, "points", 3), camera, pose, size)
+    if not hidden:
+        unseen = ~_visible(projection, size, DEPTH_TOLERANCE)
+        projection.pixels[unseen], projection.distances[unseen] = np.nan, np.nan
+    return projection.pixels, projection.distances
+
+
+def _checked_view(view: object, item: str) -> PosedImage:
+    """The view, if it is an image, a camera and a pose; ValueError for others."""
+    if not isinstance(view, tuple) or len(view) != len(PosedImage._fields):
+        raise ValueError(f"{item} is a {type(view).__name__}; needed a tuple (image, camera, pose)")
+    image, camera, pose = view
+    for name, value, kind in (("camera", camera, Camera), ("pose", pose, Pose)):
+        if not isinstance(value, kind):
+            raise ValueError(f"{name} of {item} is a {type(value).__name__}; needed a {kind.__name__}")
+    return PosedImage(image, camera, pose)
+
+
+def _checked_normals(normals: ArrayLike, count: int) -> Floats:
+    given = np.asarray(normals, dtype=np.float32)
+    if given.shape != (count, 3):
+        raise ValueError(f"normals have shape {given.shape}; needed ({count}, 3), one for each point")
+    lengths = np.linalg.norm(given, axis=1, keepdims=True)
+    return np.asarray(given / np.where(lengths > 0.0, lengths, 1.0))
+
+
+def _checked_tolerance(value: float) -> float:
+    if not (np.isfinite(value) and value >= 0.0):
+        raise ValueError(f"depth_tolerance is {value}; needed a finite share of at least 0")
+    return value
+
+
+def _cosines(rays: NDArray[np.floating], normals: Floats) -> Floats:
+    """Cosines (n,) between rays (n, 3) and unit normals (n, 3) of either side."""
+    lengths = np.maximum(np.linalg.norm(rays, axis=1), NEAREST)
+    shares = np.abs(np.sum(rays * normals, axis=1)) / lengths
+    return np.asarray(np.maximum(shares.astype(np.float32), LEAST_COSINE))
+
+
+def _projected(points: NDArray[np.floating], camera: Camera, pose: Pose, size: tuple[int, int]) -> _Projection:
+    pixels, distances = np.empty((len(points), 2), dtype=np.float32), np.empty(len(points), dtype=np.float32)
+    upper = np.array([size[1], size[0]]) - 0.5
+    for start in range(0, len(points), BLOCK):
+        with np.errstate(invalid="ignore"):
+            inside = pose.transform(points[start : start + BLOCK])
+            mapped = camera.project(inside)
+            mapped[~((mapped >= -0.5) & (mapped < upper)).all(axis=1)] = np.nan
+            ranges = np.linalg.norm(inside, axis=1)
+        pixels[start : start + BLOCK] = mapped
+        distances[start : start + BLOCK] = np.where(np.isfinite(mapped[:, 0]), ranges, np.nan)
+    return _Projection(pixels, distances)
+
+
+def _visible(projection: _Projection, size: tuple[int, int], tolerance: float) -> Mask:
+    """Which points (n,) no surface in front of them hides."""
+    visible = np.isfinite(projection.distances)
+    kept = np.flatnonzero(visible)
+    if len(kept) == 0:
+        return visible
+    side = max(1.0, float(np.sqrt(size[0] * size[1] / MOST_CELLS)))
+    shape = int(np.ceil(size[0] / side)), int(np.ceil(size[1] / side))
+    columns, rows = np.floor((projection.pixels[kept] + 0.5) / side).astype(np.int32).T
+    cells = np.minimum(rows, shape[0] - 1) * np.int32(shape[1]) + np.minimum(columns, shape[1] - 1)
+    distances = np.maximum(projection.distances[kept], np.finfo(np.float32).tiny)
+    nearness = np.asarray(1.0 / distances, dtype=np.float32)
+    front = _front_surface(cells, nearness, shape)
+    # A cell beside the end of a surface doesn't count as behind it: its own pixels may see past.
+    hidden = nearness * (1.0 + tolerance) < minimum_filter(front, size=3).ravel()[cells]
+    visible[kept[hidden]] = False
+    return visible
+
+
+def _front_surface(cells: NDArray[np.int32], nearness: Floats, shape: tuple[int, int]) -> Floats:
+    """Nearness (1 / distance) of the foremost surface in each cell, 0 where there is none.
+
+    Points at a like distance form a layer; a gray closing as wide as the layer's gaps fills them with the farther of
+    their sides. Beside the layer's outermost points the surface ends somewhere within a gap: there it hides only what
+    is farther by the ratio of a layer: less may be the next scan line on the same surface.
+    """
+    front = np.zeros(shape, dtype=np.float32)
+    np.maximum.at(front.ravel(), cells, nearness)
+    near, far = float(nearness.max()), float(nearness.min())
+    while True:
+        held = np.flatnonzero((nearness <= near) & (nearness * LAYER_RATIO > near))
+        if len(held) > 1:
+            _add_layer(front, cells[held], nearness[held])
+        if near <= far * LAYER_STEP:
+            return front
+        # A step ends at the next point behind it, so that empty ranges cost nothing.
+        near = float(nearness[nearness <= near / LAYER_STEP].max(initial=far))
+
+
+def _add_layer(front: Floats, cells: NDArray[np.int32], nearness: Floats) -> None:
+    """Raise the front to the closed surface of one layer's points, and to the margin beside its end."""
+    layer = np.zeros_like(front)
+    np.maximum.at(layer.ravel(), cells, nearness)
+    places = np.column_stack(np.nonzero(layer)).astype(np.float32)
+    gap = _gap(places, int(WIDEST_GAP_SHARE * np.hypot(*front.shape)))
+    size, reach = int(np.ceil(GAP_FACTOR * gap)), int(np.ceil(gap)) + 1
+    if size <= 1:
+        return
+    low, high = (places.min(axis=0) - size).astype(int), (places.max(axis=0) + size + 1).astype(int)
+    window = slice(max(low[0], 0), high[0]), slice(max(low[1], 0), high[1])
+    closed = grey_closing(layer[window], size=(size, size))
+    beside = grey_dilation(closed, size=(2 * reach + 1, 2 * reach + 1)) / np.float32(LAYER_RATIO)
+    np.maximum(front[window], np.where(closed > 0.0, closed, beside), out=front[window])
+
+
+def _gap(places: Floats, widest: int) -> float:
+    """Cells between neighboring places (n, 2) of a layer: along the wider spaced of its two directions, as scan lines
+    have them.
+
+    Each sampled place's nearest neighbors upwards, downwards, left and right are sorted; the third is the wider
+    spacing also on a side of the layer, where one direction has none.
+    """
+    if len(places) < 4:
+        return 0.0
+    samples = places[:: max(1, len(places) // GAP_SAMPLES)]
+    count = min(GAP_NEIGHBORS + 1, len(places))
+    apart, index = cKDTree(places).query(samples, k=count, distance_upper_bound=widest)
+    steps = np.concatenate([places, [[np.inf, np.inf]]])[index] - samples[:, None]
+    with np.errstate(invalid="ignore"):
+        sector = np.where(np.abs(steps[..., 0]) > np.abs(steps[..., 1]), 0, 2) + (steps.sum(axis=2) > 0.0)
+    apart = np.where(apart > 0.0, apart, np.inf)
+    nearest = np.stack([np.where(sector == k, apart, np.inf).min(axis=1) for k in range(4)], axis=1)
+    third = np.sort(nearest, axis=1)[:, 2]
+    known = third[np.isfinite(third)]
+    return float(np.percentile(known, GAP_PERCENTILE)) if len(known) else 0.0
+
+
+def _sampled(image: Bytes, pixels: Floats) -> Floats:
+    """Bilinear colors (n, 3) at pixels (n, 2); beyond the outermost pixel centers, the nearest."""
+    height, width = image.shape[:2]
+    last = np.array([width - 1, height - 1], dtype=np.float32)
+    colors = np.empty((len(pixels), 3), dtype=np.float32)
+    for start in range(0, len(pixels), BLOCK):
+        places = np.clip(pixels[start : start + BLOCK], 0.0, last)
+        corner = places.astype(np.int32)
+        (left, top), (across, down) = corner.T, (places - corner).T[..., None]
+        right, bottom = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
+        upper = image[top, left] * (1.0 - across) + image[top, right] * across
+        lower = image[bottom, left] * (1.0 - across) + image[bottom, right] * across
+        colors[start : start + BLOCK] = upper * (1.0 - down) + lower * down
+    return colors

@@ -1,0 +1,1 @@
+"""Rigid poses, and lengths and angles as text."""

@@ -1,6 +1,0 @@
-"""Files that commands write: whole or not at all, all of a run together, and never over others without `--force`."""
-
-from regionpose.outputs.claims import Claim, claimed, refuse_existing, text_writer, write_file, write_files
-from regionpose.outputs.placing import Writer
-
-__all__ = ["Claim", "Writer", "claimed", "refuse_existing", "text_writer", "write_file", "write_files"]

@@ -1,0 +1,220 @@
+"""The chessboard around a pixel of a photo: its inner rectangle, its pattern and the board that it is printed on.
+
+The corners of its squares are followed from one to the next, so that a lens may bend it as it likes.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from PIL import Image
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from regionpose.segment.board_edge import BEYOND, board_around
+from regionpose.segment.grid_places import placed
+from regionpose.segment.x_corners import Corners, x_corners
+
+Array = NDArray[np.float64]
+Cell = tuple[int, int]
+
+WORK_PIXELS = 2_500_000
+"""Pixels of the picture in which corners are looked for, about; larger photos are averaged down to it. A
+convention: a square of 8 of these pixels fills 1/200 of the photo's width."""
+
+SCALES = 3
+"""Times that the picture is looked at, halved each time: a board out of focus shows its corners in a smaller one."""
+
+STARTS = 300
+"""Corners nearest to the click from which a grid is begun: more than noise makes within a square. Most end at once."""
+
+NEIGHBORS = 12
+"""Corners around the first one among which its neighbors are looked for."""
+
+STEP_TOLERANCE = 0.35
+"""Distance of a corner from where it is predicted, in steps. A step is a fifth longer than the next where the board is
+seen at 70 deg from eight squares away; another corner of the right colors is a whole step off."""
+
+CROSSING_DEG = 20.0
+"""Least angle between both directions of the grid; a convention."""
+
+EDGE_PLACES = np.array([0.25, 0.5, 0.75])
+"""Places between two neighbors at which the edge is looked at."""
+
+EDGE_REACH, LEAST_EDGE_REACH = 0.1, 2.0
+"""Distance across the edge at which both sides are looked at, in steps and in pixels at the least. It is beyond the
+bend of an edge by a fisheye, and within the next square of a board that is seen at 80 deg."""
+
+LIKE_CONTRAST = 1 / 3
+"""Contrast of a corner over that of its neighbor at the least: light falls off slowly along a board. A
+convention."""
+
+EDGE_SHARE = 0.3
+"""Contrast of the edge at the least, over that of its corners; a convention."""
+
+FEWEST = 3
+"""Corners along each side of a grid at the least; a checkered scrap has fewer by chance."""
+
+
+def chessboard_around(image: NDArray[np.uint8], seed: tuple[float, float]) -> list[Array]:
+    """The outlines (n, 2), pixels, of the chessboard around a pixel (x, y) of a photo (h, w, 3) uint8.
+
+    The rectangle of its outermost inner corners first, then all its squares, then the board around these where its edge
+    shows. Each has a vertex for each square along it and so bends as the photo does. Empty where there's no chessboard.
+    """
+    finest = max(1, round(float(np.sqrt(image.shape[0] * image.shape[1] / WORK_PIXELS))))
+    found = [grid for halved in range(SCALES) for grid in _grids_at(image, seed, finest * 2**halved)]
+    if not found:
+        return []
+    grid = max(found, key=np.size)
+    pattern = _rectangle(grid, 1.0)
+    board = board_around(image, grid, pattern)
+    outlines = [_outline(grid, _rectangle(grid, 0.0)), _outline(grid, pattern)]
+    outlines += [] if board is None else [_outline(grid, board)]
+    return outlines if _holds(outlines[-1], np.array(seed)) else []
+
+
+def _grids_at(image: NDArray[np.uint8], seed: tuple[float, float], factor: int) -> Iterator[Array]:
+    """Grids (rows, columns, 2) of pixels around one, found in a photo that is averaged down by a factor."""
+    gray = Image.fromarray(image).convert("L")
+    corners = x_corners(np.asarray(gray.reduce(factor) if factor > 1 else gray))
+    for grid in _grids_around(corners, (np.array(seed) + 0.5) / factor - 0.5):
+        yield (grid + 0.5) * factor - 0.5
+
+
+def _grids_around(corners: Corners, place: Array) -> Iterator[Array]:
+    """Full grids (rows, columns, 2) of corners whose boards may hold a place."""
+    if len(corners.places) < FEWEST**2:
+        return
+    tree = cKDTree(corners.places)
+    tried: set[int] = set()
+    for start in np.atleast_1d(tree.query(place, min(STARTS, len(corners.places)))[1]).tolist():
+        if start in tried:
+            continue
+        cells = _followed(corners, tree, start)
+        tried.update(cells.values())
+        grid = _full_grid(corners, cells)
+        if grid is not None and _holds(_outline(grid, _rectangle(grid, 1.0 + BEYOND)), place):
+            yield grid
+
+
+def _followed(corners: Corners, tree: cKDTree, start: int) -> dict[Cell, int]:
+    """The corners that are reached from one of them over the squares' edges, by their places in the grid."""
+    cells: dict[Cell, int] = {(0, 0): start}
+    steps = _first_steps(corners, tree, start)
+    if steps is None:
+        return cells
+    queue = deque([(0, 0)])
+    while queue:
+        cell = queue.popleft()
+        for direction in ((0, 1), (1, 0), (0, -1), (-1, 0)):
+            beyond = (cell[0] + direction[0], cell[1] + direction[1])
+            if beyond in cells:
+                continue
+            step = _step(corners, cells, cell, direction, steps)
+            found = _neighbor(corners, tree, cells[cell], step)
+            if found is not None and found not in cells.values():
+                cells[beyond] = found
+                queue.append(beyond)
+    return cells
+
+
+def _first_steps(corners: Corners, tree: cKDTree, start: int) -> tuple[Array, Array] | None:
+    """The steps (2,) from a corner to its nearest neighbors in both directions of the grid; None where it has none."""
+    here = corners.places[start]
+    near = np.atleast_1d(tree.query(here, min(NEIGHBORS + 1, len(corners.places)))[1])[1:].tolist()
+    steps = [corners.places[other] - here for other in near if _linked(corners, start, other)]
+    for step in steps[1:]:
+        first = steps[0]
+        sine = abs(first[0] * step[1] - first[1] * step[0]) / (np.hypot(*first) * np.hypot(*step))
+        if sine >= np.sin(np.radians(CROSSING_DEG)):
+            return first, step
+    return None
+
+
+def _step(corners: Corners, cells: dict[Cell, int], cell: Cell, direction: Cell, steps: tuple[Array, Array]) -> Array:
+    """The step (2,) from a corner of the grid in a direction: the one before it, or beside it, or the first one."""
+    (row, column), (down, right) = cell, direction
+    pairs = [((row - down, column - right), cell)]
+    pairs += [
+        ((row + s * right, column + s * down), (row + s * right + down, column + s * down + right)) for s in (1, -1)
+    ]
+    for one, other in pairs:
+        if one in cells and other in cells:
+            return np.asarray(corners.places[cells[other]] - corners.places[cells[one]])
+    return (down + right) * steps[0 if down else 1]
+
+
+def _neighbor(corners: Corners, tree: cKDTree, corner: int, step: Array) -> int | None:
+    """The corner about a step from another, over an edge of a square; None where there's none."""
+    reach = STEP_TOLERANCE * float(np.hypot(*step))
+    predicted = corners.places[corner] + step
+    near = tree.query_ball_point(predicted, reach)
+    near.sort(key=lambda other: float(np.hypot(*(corners.places[other] - predicted))))
+    return next((other for other in near if other != corner and _linked(corners, corner, other)), None)
+
+
+def _linked(corners: Corners, one: int, other: int) -> bool:
+    """Whether two corners are the ends of a square's edge: their colors alternate, and an edge runs between them."""
+    turned = abs((corners.bright[other] - corners.bright[one]) % np.pi - np.pi / 2)
+    low, high = sorted((corners.contrasts[one], corners.contrasts[other]))
+    if turned > np.pi / 4 or low < LIKE_CONTRAST * high:
+        return False
+    start, step = corners.places[one], corners.places[other] - corners.places[one]
+    length = float(np.hypot(*step))
+    left = np.array([-step[1], step[0]]) / length * max(EDGE_REACH * length, LEAST_EDGE_REACH)
+    middle = start + EDGE_PLACES[:, None] * step
+    sides = np.stack([middle + left, middle - left])
+    shades = ndimage.map_coordinates(corners.picture, [sides[..., 1], sides[..., 0]], order=1, mode="nearest")
+    # Turning from the edge towards its left, the bright axis comes before the dark one where the left is bright.
+    sign = 1.0 if (corners.bright[one] - np.arctan2(step[1], step[0])) % np.pi < np.pi / 2 else -1.0
+    return bool((sign * (shades[0] - shades[1]) >= EDGE_SHARE * low).all())
+
+
+def _full_grid(corners: Corners, cells: dict[Cell, int]) -> Array | None:
+    """The largest rectangle (rows, columns, 2) of the grid that lacks no corner; None where all are small."""
+    places = np.array(list(cells))
+    low = places.min(axis=0)
+    held = np.full(places.max(axis=0) - low + 1, -1)
+    held[tuple((places - low).T)] = list(cells.values())
+    best = held[:0]
+    for top in range(len(held)):
+        for bottom in range(top + FEWEST, len(held) + 1):
+            left, right = _longest_run(np.asarray((held[top:bottom] >= 0).all(axis=0)))
+            if right - left >= FEWEST and (bottom - top) * (right - left) > best.size:
+                best = held[top:bottom, left:right]
+    return np.asarray(corners.places[best]) if best.size else None
+
+
+def _longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
+    """Where the longest run of true flags begins and ends."""
+    turns = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]])))
+    if not len(turns):
+        return 0, 0
+    longest = int(np.argmax(turns[1::2] - turns[::2]))
+    return int(turns[2 * longest]), int(turns[2 * longest + 1])
+
+
+def _rectangle(grid: Array, beyond: float) -> Array:
+    """Corners (4, 2), rows and columns, of a grid (rows, columns, 2) that is grown by some squares on every side."""
+    low, (bottom, right) = -beyond, np.array(grid.shape[:2]) - 1.0 + beyond
+    return np.array([[low, low], [low, right], [bottom, right], [bottom, low]])
+
+
+def _outline(grid: Array, corners: Array) -> Array:
+    """The outline (n, 2) in pixels of a quadrilateral (4, 2) of rows and columns, with a vertex for each square."""
+    sides = []
+    for k in range(4):
+        step = corners[(k + 1) % 4] - corners[k]
+        pieces = max(round(float(np.abs(step).max())), 1)
+        sides.append(corners[k] + np.arange(pieces)[:, None] / pieces * step)
+    return placed(grid, np.concatenate(sides))
+
+
+def _holds(outline: Array, place: Array) -> bool:
+    """Whether a place (2,) is inside an outline (n, 2)."""
+    return bool(shapely.contains_xy(shapely.Polygon(outline).buffer(0), *place))

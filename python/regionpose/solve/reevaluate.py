@@ -1,0 +1,95 @@
+"""An estimate of regions at a pose, and of a covariance, that further evidence such as edges gave."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionpose import _core
+from regionpose.cameras import Camera
+from regionpose.geometry.pose import Pose
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.world import WorldRegion
+from regionpose.solve.core_inputs import core_problem
+from regionpose.solve.estimate import PoseEstimate
+from regionpose.solve.options import Solver
+from regionpose.solve.warning import PoseWarning
+
+Array = NDArray[np.float64]
+
+
+def moved_estimate(
+    estimate: PoseEstimate,
+    pose: Pose,
+    covariance: Array,
+    camera: Camera,
+    image_regions: Sequence[ImageRegion],
+    world_regions: Sequence[WorldRegion],
+    solver: Solver,
+) -> PoseEstimate:
+    """The estimate with a pose near its own, of this covariance (6, 6): overlap errors, and whether the standard
+    deviations are within the solver's limits, are told anew.
+    """
+    problem = core_problem(camera, image_regions, world_regions, solver)
+    whole, errors = problem.overlap_errors(pose.rotation_matrix, pose.translation)
+    return replace(
+        estimate,
+        pose=pose,
+        covariance=covariance,
+        overlap_error=whole,
+        region_overlap_errors=errors,
+        warnings=_with_geometry(estimate.warnings, problem, pose, covariance, solver.limits),
+    )
+
+
+def scattered_estimate(
+    estimate: PoseEstimate,
+    pose: Pose,
+    covariance: Array,
+    camera: Camera,
+    image_regions: Sequence[ImageRegion],
+    world_regions: Sequence[WorldRegion],
+    solver: Solver,
+) -> PoseEstimate:
+    """The estimate of frames that scatter, with the pose and covariance (6, 6) that allow for it, and what follows from
+    them: shares and confidences (docs/math.md, eq. 15.1), and the covariances of other answers, larger by the same
+    factor on the mean.
+    """
+    near = _core.nearness(covariance) / _core.nearness(estimate.covariance)
+    factor = max(
+        1.0, float(np.trace(np.linalg.pinv(estimate.covariance, hermitian=True) @ covariance)) / len(covariance)
+    )
+    moved = moved_estimate(estimate, pose, covariance, camera, image_regions, world_regions, solver)
+    return replace(
+        moved,
+        confidence=min(1.0, near * estimate.confidence),
+        share=min(1.0, near * estimate.share),
+        alternatives=tuple(
+            replace(
+                other,
+                covariance=factor * other.covariance,
+                confidence=min(1.0, near * other.confidence),
+                share=min(1.0, near * other.share),
+            )
+            for other in estimate.alternatives
+        ),
+    )
+
+
+def _with_geometry(
+    warnings: Sequence[PoseWarning],
+    problem: _core.Problem,
+    pose: Pose,
+    covariance: Array,
+    limits: tuple[float, float],
+) -> tuple[PoseWarning, ...]:
+    """The warnings, whether the standard deviations are within the limits told anew."""
+    kept = [warning for warning in warnings if warning.code != "weak-geometry"]
+    weak = problem.weak_geometry(pose.rotation_matrix, pose.translation, covariance, limits=limits)
+    if weak is not None:
+        code, text, regions, values = weak
+        kept.append(PoseWarning(code, text, tuple(regions), values))
+    return tuple(kept)

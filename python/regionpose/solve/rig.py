@@ -1,0 +1,553 @@
+"""One rigid pose from many frames of a rig, what each frame does to it, and the camera refined with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionpose import _core
+from regionpose.cameras import Camera
+from regionpose.geometry.pose import Pose
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.world import WorldRegion
+from regionpose.solve.contours import Contours, contours_of, distances_of, robust_sigma
+from regionpose.solve.core_inputs import core_problem
+from regionpose.solve.estimate import PoseError, PoseEstimate
+from regionpose.solve.frame_scatter import Factor, FrameScatter, Scattered, scattered
+from regionpose.solve.intrinsics import (
+    CameraPart,
+    CameraRefinement,
+    ContourProblem,
+    parameter_names,
+    refined_camera,
+)
+from regionpose.solve.options import EXACT_EXPOSURE, Solver, checked_solver
+from regionpose.solve.prior import Prior
+from regionpose.solve.reevaluate import scattered_estimate
+from regionpose.solve.single import estimate_pose
+from regionpose.solve.warning import PoseWarning
+from regionpose.validation.arguments import checked_arguments
+from regionpose.validation.arrays import KeptArrays
+
+Array = NDArray[np.float64]
+
+OUTLIER_RATIO = 3.0
+"""Distances of a frame's contours from where the others put them, over those expected, above which it disagrees."""
+
+MOST_LOST = 3.0
+"""Times the joint pose's deviations, in any direction, beyond which frames by themselves don't add up to it, as where
+each shows a scan line alone: 10 of five such frames, 1.9 at most of natural ones, whose own poses are near normal."""
+
+ANOTHER_PLACE = np.radians(5.0)
+"""Rotation from which on two poses are different places, as of `PoseEstimate.confidence`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One exposure of a rig.
+
+    Parameters
+    ----------
+    image_regions : sequence of ImageRegion
+        What the image shows.
+    world_regions : sequence of WorldRegion
+        In the rig's frame, meters, each at the place of its image region.
+    name : str
+        Of its own; its number without one.
+    """
+
+    image_regions: Sequence[ImageRegion]
+    world_regions: Sequence[WorldRegion]
+    name: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class FrameFit(KeptArrays):
+    """How a frame fits the joint pose.
+
+    Parameters
+    ----------
+    name : str
+        The frame's.
+    overlap_error : float
+        Of all its regions together, a fraction as of `PoseEstimate`.
+    region_overlap_errors : (k,) array
+        Region by region.
+    residual_px : float
+        Size of the distances between contours and projected outlines, pixels: root mean square, or robust standard
+        deviation where that is less; infinite where an outline isn't wholly visible, NaN where each region is known by
+        one scan line alone.
+    """
+
+    name: str
+    overlap_error: float
+    region_overlap_errors: Array
+    residual_px: float
+
+
+@dataclass(frozen=True, eq=False)
+class Influence(KeptArrays):
+    """What the other frames say without one.
+
+    Parameters
+    ----------
+    name : str
+        The frame's that is left out.
+    pose : Pose
+        That of the others.
+    covariance : (6, 6) array
+        Of its left increment, rad and meters.
+    rotation_deg : float
+        The angle between both, degrees.
+    shift_m : float
+        How far apart both put the middle of all regions, meters.
+    residual_px : float
+        Of the frame's own distances at the others' pose, as of `FrameFit`; infinite where an outline isn't wholly
+        visible.
+    expected_px : float
+        What the others' own residuals and the covariance of their pose lead to expect.
+    """
+
+    name: str
+    pose: Pose
+    covariance: Array
+    rotation_deg: float
+    shift_m: float
+    residual_px: float
+    expected_px: float
+
+    @property
+    def is_outlier(self) -> bool:
+        """Whether the frame disagrees with the others by more than their noise explains."""
+        return self.residual_px > OUTLIER_RATIO * self.expected_px
+
+
+@dataclass(frozen=True, eq=False)
+class RigEstimate:
+    """One pose of a camera in a rig, from all frames.
+
+    Parameters
+    ----------
+    estimate : PoseEstimate
+        Of all regions together, frame after frame; pose and covariance allow for errors of whole frames.
+    camera : Camera
+        The given one, or the refined one.
+    frames : tuple of FrameFit
+        In the frames' order.
+    influence : tuple of Influence
+        In the frames' order; none where there is one frame only.
+    scatter : FrameScatter or None
+        How far a frame is off as a whole; None where fewer than two frames have a pose of their
+        own, or these do not add up to the joint one.
+    refinement : CameraRefinement or None
+        Of the camera, None where it wasn't asked for.
+    warnings : tuple of PoseWarning
+        Those of the estimate, "outlier-frame" for each frame that disagrees with the others (found one after the other,
+        the worst first), "weak-camera" where the camera could not be refined.
+    """
+
+    estimate: PoseEstimate
+    camera: Camera
+    frames: tuple[FrameFit, ...]
+    influence: tuple[Influence, ...]
+    scatter: FrameScatter | None
+    refinement: CameraRefinement | None
+    warnings: tuple[PoseWarning, ...]
+
+    @property
+    def pose(self) -> Pose:
+        """The joint pose `camera_from_world`, the world being the rig's frame."""
+        return self.estimate.pose
+
+    @property
+    def covariance(self) -> Array:
+        """The covariance (6, 6) of the joint pose's left increment `[omega (rad), tau (meters)]`."""
+        return self.estimate.covariance
+
+    @property
+    def rotation_sigma_deg(self) -> Array:
+        """Standard deviations of the rotation about the camera's axes, (3,), degrees."""
+        return self.estimate.rotation_sigma_deg
+
+    @property
+    def translation_sigma_m(self) -> Array:
+        """Standard deviations of the translation along the camera's axes, (3,), meters."""
+        return self.estimate.translation_sigma_m
+
+
+@checked_arguments
+def estimate_rig(
+    camera: Camera,
+    frames: Iterable[Frame | tuple[Sequence[ImageRegion], Sequence[WorldRegion]]],
+    *,
+    prior: Prior | None = None,
+    solver: Solver | None = None,
+    refine_camera: Sequence[CameraPart] = (),
+) -> RigEstimate:
+    """The one pose `camera_from_world` at which all frames of a rig look as they were observed.
+
+    Every frame is left out in turn and compared with the pose of the others. Errors of whole frames, as of the time
+    between photo and scan, are in no region's covariance: how large they are is told by how far the frames' own poses
+    are apart, and the pose and its covariance allow for them. An error that is the same in all frames does not show.
+
+    Parameters
+    ----------
+    camera : Camera
+        That took all frames.
+    frames : iterable of Frame or of pairs
+        Each a `Frame` or a pair (image_regions, world_regions), the world regions in the rig's frame, such as its
+        lidar's, meters.
+    prior : Prior, optional
+        What is known of the pose, as of `estimate_pose`.
+    solver : Solver, optional
+        How the poses are computed; the driver is native by default.
+    refine_camera : sequence of {"focal", "center", "distortion"}
+        Which of fx and fy, cx and cy, k1 and k2 are estimated together with the pose (docs/math.md, section 12), and
+        taken where they are determined and differ from the given ones by more than noise.
+
+    Returns
+    -------
+    RigEstimate
+        The pose, each frame's fit and influence, and the camera.
+
+    Raises
+    ------
+    ValueError
+        For bad input, naming the frame.
+    PoseError
+        A ValueError, where no pose shows every region.
+
+    """
+    options = checked_solver(solver)
+    listed = _checked_frames(camera, frames)
+    names = parameter_names(camera, refine_camera)
+    rig = _Rig(camera, prior or Prior(), replace(options, driver=options.driver or "native"))
+    if len(listed) > 1:
+        # How far frames are off as wholes is estimated below.
+        rig = replace(rig, solver=replace(rig.solver, **EXACT_EXPOSURE))
+    if names and all(region.is_line for region in _sides(listed)[1]):
+        raise ValueError("refine_camera found regions known by one scan line alone; needed one that has an outline")
+    estimate = rig.joint(listed)
+    refinement = None
+    contours = _contours(camera, estimate.pose, listed) if names else None
+    if contours is not None:
+        refinement = refined_camera(camera, estimate.pose, contours, refine_camera)
+        if refinement.outcome == "refined":
+            rig = replace(rig, camera=refinement.camera)
+            near = rig if rig.prior.initial is not None else rig.started_at(refinement.pose)
+            estimate = near.joint(listed)
+    found = rig.scattered(listed, estimate)
+    if found is not None:
+        pose = estimate.pose.moved(found.increment)
+        # Errors of the calibration are the same in all frames.
+        calibration = options.calibration_covariance(estimate.focal_shift, estimate.pixel_angle_rad)
+        covariance = found.covariance + calibration
+        estimate = scattered_estimate(estimate, pose, covariance, rig.camera, *_sides(listed), rig.solver)
+    elif len(listed) > 1:
+        # Nothing tells how far frames are off.
+        options = replace(options, driver=rig.solver.driver)
+        estimate = replace(rig.started_at(estimate.pose), solver=options).joint(listed)
+    influence = rig.influence(listed, estimate.pose)
+    return RigEstimate(
+        estimate=estimate,
+        camera=rig.camera,
+        frames=_frame_fits(rig.camera, listed, estimate),
+        influence=influence,
+        scatter=None if found is None else found.scatter,
+        refinement=refinement,
+        warnings=(*estimate.warnings, *rig.outlier_warnings(listed, influence), *_camera_warnings(refinement)),
+    )
+
+
+@dataclass(frozen=True)
+class _Rig:
+    """Poses of some frames of a rig, all found in the same way."""
+
+    camera: Camera
+    prior: Prior
+    solver: Solver
+
+    def started_at(self, pose: Pose) -> _Rig:
+        """The same from a pose that is a start alone, in place of the prior's."""
+        return replace(self, prior=self.prior.started_at(pose))
+
+    def joint(self, frames: Sequence[Frame]) -> PoseEstimate:
+        """The pose of all the frames."""
+        try:
+            return estimate_pose(self.camera, *_sides(frames), prior=self.prior, solver=self.solver)
+        except PoseError:
+            raise
+        except ValueError as error:
+            raise self._of_frame(frames, error) from error
+
+    def _of_frame(self, frames: Sequence[Frame], error: ValueError) -> ValueError:
+        """An error about all frames' regions as one about those of the frame that it comes from."""
+        for frame in frames:
+            try:
+                core_problem(self.camera, frame.image_regions, frame.world_regions, self.solver)
+            except ValueError as own:
+                return ValueError(f"{frame.name}: {own}")
+        return error
+
+    def scattered(self, frames: Sequence[Frame], joint: PoseEstimate) -> Scattered | None:
+        """The pose that allows for errors of whole frames, at the place of the joint one; None where fewer than two
+        frames have a pose of their own there, what these hold does not add up to the joint one, or that one leaves a
+        direction free.
+        """
+        distance = float(np.linalg.norm(joint.pose.transform(_middle(frames))))
+        deviations = ANOTHER_PLACE * np.array([1.0, 1.0, 1.0, distance, distance, distance])
+        if len(frames) < 2 or not np.isfinite(joint.covariance).all():
+            return None
+        own = [self._factor(frame, joint, deviations) for frame in frames]
+        factors = [factor for factor in own if factor is not None]
+        if len(factors) < 2:
+            return None
+        known = Factor.about(deviations)
+        if any(_is_sampled(frame) for frame in frames):
+            # Outlines' poses know nothing of the prior but which of them it leaves.
+            prior = self.prior.core.gaussian(joint.pose.rotation_matrix, joint.pose.translation)
+            known = Factor(*(ours + given for ours, given in zip(known, prior, strict=True)))
+        together = np.linalg.inv(known.information + sum(factor.information for factor in factors))
+        wider = np.linalg.eigvals(np.linalg.pinv(joint.covariance, hermitian=True) @ together).real.max()
+        return None if wider > MOST_LOST**2 else scattered(factors, known)
+
+    def _factor(self, frame: Frame, joint: PoseEstimate, deviations: Array) -> Factor | None:
+        """What a frame alone says of the pose about the joint one; None where no answer of its own is at that place, or
+        it leaves a direction free.
+        """
+        sampled = _is_sampled(frame)
+        values, axes = np.linalg.eigh(joint.covariance / np.outer(deviations, deviations))
+        weakest = np.sqrt(values[-1]) * deviations * axes[:, -1]
+        # Where samples settle depends on where they begin, and by how much is a part of what they leave uncertain.
+        starts = (0.0, -1.0, 1.0) if sampled else (0.0,)
+        found = [self._own(frame, joint.pose, joint.pose.moved(times * weakest), deviations) for times in starts]
+        known = [answer for answer in found if answer is not None]
+        if not known:
+            return None
+        increments, covariances = (np.array(values) for values in zip(*known, strict=True))
+        increment = increments.mean(axis=0)
+        covariance = covariances.mean(axis=0) + np.cov(increments.T, bias=True)
+        return Factor.of_posterior(increment, covariance, deviations, held=sampled)
+
+    def _own(self, frame: Frame, joint: Pose, start: Pose, deviations: Array) -> tuple[Array, Array] | None:
+        """The increment from the joint pose to a frame's own from a start, and its covariance."""
+        about = Prior(
+            initial=start,
+            initial_rotation_sigma_deg=float(np.degrees(deviations[0])),
+            initial_center_sigma_m=float(deviations[-1]),
+        )
+        near = replace(self, prior=about, solver=replace(self.solver, start="paper"))
+        try:
+            alone = near.joint([frame])
+        except PoseError:
+            return None
+        answers = [(joint.increment_to(answer.pose), answer.covariance) for answer in (alone, *alone.alternatives)]
+        increment, covariance = min(answers, key=lambda answer: float(np.linalg.norm(answer[0] / deviations)))
+        if np.linalg.norm(increment[:3]) > ANOTHER_PLACE or not np.isfinite(covariance).all():
+            return None
+        return increment, covariance
+
+    def influence(self, frames: Sequence[Frame], joint: Pose) -> tuple[Influence, ...]:
+        """What the frames but each one say; nothing where there is one only."""
+        if len(frames) < 2:
+            return ()
+        near, middle = self.started_at(joint), _middle(frames)
+        found = []
+        for index, frame in enumerate(frames):
+            others = [*frames[:index], *frames[index + 1 :]]
+            without = near.joint(others)
+            residual, expected = _held_out(self.camera, without, frame, others)
+            increment = without.pose.increment_to(joint)
+            found.append(
+                Influence(
+                    name=frame.name,
+                    pose=without.pose,
+                    covariance=without.covariance,
+                    rotation_deg=float(np.degrees(np.linalg.norm(increment[:3]))),
+                    shift_m=float(np.linalg.norm(joint.transform(middle) - without.pose.transform(middle))),
+                    residual_px=residual,
+                    expected_px=expected,
+                )
+            )
+        return tuple(found)
+
+    def outlier_warnings(self, frames: Sequence[Frame], influence: Sequence[Influence]) -> list[PoseWarning]:
+        """A warning for each frame that disagrees; the worst is left out before the others are judged again.
+
+        Of two frames that disagree nothing tells which is wrong, so both are named.
+        """
+        warnings: list[PoseWarning] = []
+        places = _places(frames)
+        while disagreeing := [one for one in influence if one.is_outlier]:
+            if len(frames) == 2:
+                return warnings + [self._outlier_warning(one, frames, places) for one in disagreeing]
+            worst = max(disagreeing, key=lambda one: one.residual_px / one.expected_px)
+            warnings.append(self._outlier_warning(worst, frames, places))
+            frames = [frame for frame in frames if frame.name != worst.name]
+            influence = self.influence(frames, worst.pose)
+        return warnings
+
+    def _outlier_warning(self, one: Influence, frames: Sequence[Frame], places: Mapping[str, int]) -> PoseWarning:
+        """The warning of a frame that disagrees, with those of its regions that do where others of it agree."""
+        frame = next(frame for frame in frames if frame.name == one.name)
+        others = [other for other in frames if other.name != one.name]
+        found = []
+        for place, (image, world) in enumerate(zip(frame.image_regions, frame.world_regions, strict=True)):
+            own = replace(frame, image_regions=[image], world_regions=[world])
+            residual, expected = _held_out(self.camera, one, own, others)
+            found.append((places[one.name] + place, residual, expected))
+        off = [(place, residual) for place, residual, expected in found if residual > OUTLIER_RATIO * expected]
+        if not off or len(off) == len(found) > 1:
+            return _frame_warning(one, [])
+        return _frame_warning(one, off)
+
+
+def _checked_frames(
+    camera: Camera, frames: Iterable[Frame | tuple[Sequence[ImageRegion], Sequence[WorldRegion]]]
+) -> list[Frame]:
+    if not isinstance(camera, Camera):
+        raise ValueError(f"camera is a {type(camera).__name__}; needed a Camera")
+    try:
+        listed = list(frames)
+    except TypeError as error:
+        raise ValueError(f"frames is a {type(frames).__name__}; needed a list of Frames or pairs") from error
+    if not listed:
+        raise ValueError("frames is empty; needed at least one frame")
+    checked = [_checked_frame(frame, index) for index, frame in enumerate(listed)]
+    names = [frame.name for frame in checked]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise ValueError(f"two frames are named {twice[0]!r}; needed a name of its own for each")
+    for frame in checked:
+        _solid_angles(camera, frame)
+    return checked
+
+
+def _checked_frame(given: object, index: int) -> Frame:
+    """The frame with lists of regions, and its number for a name where it has none."""
+    name = (given.name if isinstance(given, Frame) else "") or f"frame {index}"
+    pair = (given.image_regions, given.world_regions) if isinstance(given, Frame) else given
+    if not isinstance(pair, Sequence) or len(pair) != 2 or not all(isinstance(side, Sequence) for side in pair):
+        raise ValueError(f"{name} is a {type(given).__name__}; needed a Frame or a pair (image_regions, world_regions)")
+    for side, kind in zip(pair, (ImageRegion, WorldRegion), strict=True):
+        for place, region in enumerate(side):
+            if not isinstance(region, kind):
+                raise ValueError(f"{name}: region {place} is a {type(region).__name__}; needed a {kind.__name__}")
+    if not pair[0] or len(pair[0]) != len(pair[1]):
+        counts = f"{len(pair[0])} image regions and {len(pair[1])} world regions"
+        raise ValueError(f"{name} has {counts}; needed at least one, and as many of both")
+    return Frame(list(pair[0]), list(pair[1]), name)
+
+
+def _sides(frames: Sequence[Frame]) -> tuple[list[ImageRegion], list[WorldRegion]]:
+    """Image and world regions of all frames, frame after frame."""
+    images = [region for frame in frames for region in frame.image_regions]
+    return images, [region for frame in frames for region in frame.world_regions]
+
+
+def _middle(frames: Sequence[Frame]) -> Array:
+    """The middle (3,) of all regions."""
+    rings = [ring.mean(axis=0) for region in _sides(frames)[1] for ring in region.rings]
+    return np.asarray(np.mean(rings, axis=0), dtype=np.float64)
+
+
+def _is_sampled(frame: Frame) -> bool:
+    """Whether a frame's pose is that of samples, which a prior moves."""
+    return any(region.samples is not None for region in frame.world_regions)
+
+
+def _solid_angles(camera: Camera, frame: Frame) -> Array:
+    """Solid angles (k,) of a frame's image regions; ValueError where the camera sees no ray."""
+    try:
+        bearings = [region.bearings(camera) for region in frame.image_regions]
+    except ValueError as error:
+        raise ValueError(f"{frame.name}: {error}") from error
+    return np.array([float(_core.spherical_moments(rings, 0)[0, 0, 0]) for rings in bearings])
+
+
+def _frame_fits(camera: Camera, frames: Sequence[Frame], estimate: PoseEstimate) -> tuple[FrameFit, ...]:
+    """The overlap error of a frame is the mean of its regions', weighted by their observed areas on the sphere."""
+    ends = np.cumsum([len(frame.image_regions) for frame in frames])[:-1]
+    fits = []
+    for frame, errors in zip(frames, np.split(estimate.region_overlap_errors, ends), strict=True):
+        overlap_error = float(np.average(errors, weights=_solid_angles(camera, frame)))
+        residual = _residual_px(camera, estimate.pose, _contours(camera, estimate.pose, [frame]))
+        fits.append(FrameFit(frame.name, overlap_error, errors, residual))
+    return tuple(fits)
+
+
+def _places(frames: Sequence[Frame]) -> dict[str, int]:
+    """The place of each frame's first region among those of all, by the frame's name."""
+    starts = np.cumsum([0, *(len(frame.image_regions) for frame in frames)])[:-1].tolist()
+    return dict(zip((frame.name for frame in frames), starts, strict=True))
+
+
+def _held_out(
+    camera: Camera, without: PoseEstimate | Influence, frame: Frame, others: Sequence[Frame]
+) -> tuple[float, float]:
+    """Size of a frame's distances at the pose of the others, and the one to expect, pixels.
+
+    `expected^2 = s^2 + mean of diag(J C J^T)`: the median over the others of their distances' root mean square, and
+    what the covariance C of their pose moves the frame's outlines by. A frame, not a vertex, counts as one among the
+    others: an error of its plane puts all of its outline off.
+    """
+    own = _contours(camera, without.pose, [frame])
+    residual = _residual_px(camera, without.pose, own)
+    parts = [contours for one in others if (contours := _contours(camera, without.pose, [one])) is not None]
+    if own is None or not parts or not np.isfinite(without.covariance).all():
+        return residual, float("inf")
+    distances = [distances_of(camera, without.pose, part) for part in parts]
+    scatter = float(np.median([np.inf if part is None else _root_mean_square(part.values) for part in distances]))
+    problem = ContourProblem(camera, without.pose, own)
+    jacobian = problem.jacobian(np.zeros(6)) / problem.unit
+    moved = float(np.mean(np.einsum("mi,ij,mj->m", jacobian, without.covariance, jacobian)))
+    return residual, float(np.hypot(scatter, np.sqrt(moved)))
+
+
+def _contours(camera: Camera, pose: Pose, frames: Sequence[Frame]) -> Contours | None:
+    """The contours of all regions of which more than a scan line is known, beside their outlines; None without any."""
+    shaped = [pair for pair in zip(*_sides(frames), strict=True) if not pair[1].is_line]
+    return contours_of(camera, pose, *zip(*shaped, strict=True)) if shaped else None
+
+
+def _residual_px(camera: Camera, pose: Pose, contours: Contours | None) -> float:
+    """Size of the distances, pixels; infinite where an outline isn't wholly visible, NaN without outlines.
+
+    The root mean square, or the robust standard deviation where that is less: a few edges put off as wholes make the
+    median of their distances a poor guess, a part of the contour that is another object's does so to the square.
+    """
+    if contours is None:
+        return float("nan")
+    distances = distances_of(camera, pose, contours)
+    if distances is None:
+        return float("inf")
+    return min(_root_mean_square(distances.values), robust_sigma(distances.values))
+
+
+def _root_mean_square(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _frame_warning(one: Influence, off: Sequence[tuple[int, float]]) -> PoseWarning:
+    """The warning of a frame, whose regions at these places, as far off in pixels, are what disagrees."""
+    whose = " and ".join(f"{{{index}}}" for index in range(len(off))) or "its contours"
+    residual = max((residual for _, residual in off), default=one.residual_px)
+    values: dict[str, float | str] = {"name": one.name, "expected_px": one.expected_px}
+    said = f"{{name}} disagrees with the others: at their pose {whose} can't be wholly seen"
+    if np.isfinite(residual):
+        values["residual_px"] = residual
+        said = f"{{name}} disagrees with the others: at their pose {whose} would be {{residual_px:.1f}} px off"
+    text = f"{said}, {{expected_px:.1f}} px are to be expected; check its pairs, or leave it out"
+    return PoseWarning("outlier-frame", text, tuple(place for place, _ in off), values)
+
+
+def _camera_warnings(refinement: CameraRefinement | None) -> list[PoseWarning]:
+    if refinement is None or refinement.outcome != "weak":
+        return []
+    sigmas = dict(zip(refinement.parameters, refinement.sigma, strict=True))
+    named = ", ".join(f"{name} (standard deviation {sigmas[name]:.2g})" for name in refinement.weak)
+    text = "the regions don't determine {parameters}; the camera is left as it was given"
+    return [PoseWarning("weak-camera", text, values={"parameters": named})]

@@ -1,0 +1,74 @@
+"""How the samples of a region fit its observed contour at a pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from regionpose.cameras import Camera
+from regionpose.geometry.pose import Pose
+from regionpose.regions.image import ImageRegion
+from regionpose.regions.world import WorldRegion
+from regionpose.validation.arrays import signed_area
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SampleFit:
+    """Samples that a pose shows on the wrong side of the contour, pixels, and how many there are at all.
+
+    `beyond` (n, 2): inside the region, seen beyond its contour; `within` (m, 2): outside the region, seen within.
+    `count`: of the samples that tell something, which are nearest to an edge of the region's own.
+    """
+
+    beyond: Array
+    within: Array
+    count: int
+
+    @property
+    def share(self) -> float:
+        """Share of the samples that lie on their side; NaN where none tells."""
+        return 1.0 - (len(self.beyond) + len(self.within)) / self.count if self.count else float("nan")
+
+
+def sample_fit(camera: Camera, pose: Pose, image: ImageRegion, world: WorldRegion) -> SampleFit | None:
+    """On which sides of its contour a region's samples are seen at a pose; None for a region that has none.
+
+    Samples in a window of a region whose contour has no hole count for nothing, nor those nearest to the image's border
+    or to a hidden edge.
+    """
+    known = world.core.samples
+    if known is None:
+        return None
+    column = float(np.mean([ring[:, 0].mean() for ring in image.rings]))
+    inside, outside, enclosed = (camera.project_near(pose.transform(places), column) for places in known)
+    if any(signed_area(ring) < 0.0 for ring in image.rings):
+        outside = np.concatenate([outside, enclosed])
+    region: BaseGeometry = shapely.Polygon()
+    for ring in image.rings:
+        region = shapely.symmetric_difference(region, shapely.Polygon(ring))
+    own, foreign = _edges(camera, image)
+    places = [_telling(pixels, own, foreign) for pixels in (inside, outside)]
+    shown = [shapely.contains_xy(region, pixels[:, 0], pixels[:, 1]) for pixels in places]
+    return SampleFit(places[0][~shown[0]], places[1][shown[1]], sum(map(len, places)))
+
+
+def _edges(camera: Camera, image: ImageRegion) -> tuple[shapely.MultiLineString, shapely.MultiLineString]:
+    """Edges of the contour that are the region's own, and those that are not."""
+    edges = np.concatenate([np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in image.rings])
+    marks = np.concatenate(image.foreign_edges(camera))
+    return shapely.MultiLineString(list(edges[~marks])), shapely.MultiLineString(list(edges[marks]))
+
+
+def _telling(pixels: Array, own: shapely.MultiLineString, foreign: shapely.MultiLineString) -> Array:
+    """The pixels (n, 2) that are seen, and nearer to an edge of the region's own than to another."""
+    seen = pixels[np.isfinite(pixels).all(axis=1)]
+    points = shapely.points(seen)
+    # The distance from no edge is NaN, with which no comparison holds.
+    telling: Array = seen[~(shapely.distance(points, foreign) <= shapely.distance(points, own)) & (not own.is_empty)]
+    return telling

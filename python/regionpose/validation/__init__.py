@@ -1,0 +1,1 @@
+"""Checks of arguments: classes, array shapes, packages that not every installation has."""

@@ -1,0 +1,122 @@
+"""Distances as colored dots, and the scale of their colors."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from skimage.color import lab2rgb, rgb2lab
+
+from regionpose.viz.pens import CASING, PAPER, STRIP_ROWS, Bytes, Text, font_for, text_size, written
+
+Depths = NDArray[np.float32]
+
+TABLE_SIZE = 256
+LIGHTNESS, HUE_DEG = (32.0, 93.0), (315.0, 95.0)
+"""CIELAB lightness and hue from the far (dark violet) to the near end (light yellow)."""
+
+CHROMA = 46.0
+"""CIELAB chroma of the whole path, which a screen shows at nearly every lightness and hue on it."""
+
+DEPTH_PERCENTILES = (1.0, 99.0)
+"""The range of colors leaves single stray points out."""
+
+
+def draw_depths(picture: Bytes, depth: Depths, near: float, far: float) -> None:
+    """Color the pixels of a picture (h, w, 3) that have a distance (h, w), meters, not infinite, in place."""
+    for top in range(0, len(depth), STRIP_ROWS):
+        strip = depth[top : top + STRIP_ROWS]
+        covered = np.isfinite(strip)
+        share = np.log(far / strip[covered]) / np.float32(np.log(far / near))
+        shades = np.clip(share * (TABLE_SIZE - 1), 0, TABLE_SIZE - 1).astype(np.uint8)
+        picture[top : top + STRIP_ROWS][covered] = depth_colors()[shades]
+
+
+@lru_cache(maxsize=1)
+def depth_colors() -> Bytes:
+    """Color table (256, 3), far to near: equal steps are about equally visible.
+
+    Lightness and hue of CIELAB run together at a constant chroma, and the table is spaced by the length of that path.
+    """
+    share = np.linspace(0.0, 1.0, 4 * TABLE_SIZE)
+    lightness = LIGHTNESS[0] + share * (LIGHTNESS[1] - LIGHTNESS[0])
+    hue = np.radians(HUE_DEG[0] + share * (HUE_DEG[1] - HUE_DEG[0]))
+    path = np.column_stack([lightness, CHROMA * np.cos(hue), CHROMA * np.sin(hue)])
+    shown = rgb2lab(np.clip(lab2rgb(path), 0.0, 1.0))
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(shown, axis=0), axis=1))])
+    even = np.linspace(0.0, length[-1], TABLE_SIZE)
+    table = np.column_stack([np.interp(even, length, shown[:, axis]) for axis in range(3)])
+    return np.asarray(np.round(255.0 * np.clip(lab2rgb(table), 0.0, 1.0)), dtype=np.uint8)
+
+
+def checked_limits(limits: tuple[float, float] | None, distances: Depths) -> tuple[float, float]:
+    """Nearest and farthest distance of a scale, meters: as given, or of distances (n,)."""
+    if limits is None:
+        if len(distances) == 0:
+            return 1.0, 10.0
+        near, far = np.percentile(distances, DEPTH_PERCENTILES).tolist()
+        return (near, far) if far > 1.01 * near else (near / 1.1, near * 1.1)
+    near, far = limits
+    if not 0.0 < near < far < np.inf:
+        raise ValueError(f"limits_m is ({near}, {far}); needed 0 < nearest < farthest, in meters")
+    return float(near), float(far)
+
+
+def depth_dots(pixels: Depths, distances: Depths, size: tuple[int, int], radius: float) -> Depths:
+    """Distance (h, w) of the nearest dot over each pixel, infinite where there is none."""
+    center = np.full(size, np.inf, dtype=np.float32)
+    columns, rows = np.rint(pixels).astype(np.int32).T
+    cells = np.clip(rows, 0, size[0] - 1) * np.int64(size[1]) + np.clip(columns, 0, size[1] - 1)
+    np.minimum.at(center.ravel(), cells, distances)
+    depth = center.copy()
+    # Of a narrow picture dots may be wider than it is.
+    below, beside = (min(int(np.ceil(radius)), side - 1) for side in size)
+    for down in range(-below, below + 1):
+        for right in range(-beside, beside + 1):
+            if 0 < down**2 + right**2 <= (radius + 0.3) ** 2:
+                into = (slice(max(down, 0), size[0] + min(down, 0)), slice(max(right, 0), size[1] + min(right, 0)))
+                out_of = (
+                    slice(max(-down, 0), size[0] + min(-down, 0)),
+                    slice(max(-right, 0), size[1] + min(-right, 0)),
+                )
+                np.minimum(depth[into], center[out_of], out=depth[into])
+    return depth
+
+
+def with_bar(picture: Bytes, near: float, far: float) -> Bytes:
+    """The picture and, on a strip beside its right side, the color bar, near below."""
+    font = font_for(picture)
+    height, width = picture.shape[:2]
+    line = text_size(font, "0")[1]
+    ticks = _ticks(near, far, most=max(2, int(0.6 * height / (2.5 * line))))
+    text_width = max(text_size(font, f"{tick:g} m")[0] for tick in ticks)
+    left, top, length, thick = width + line, int(0.18 * height), int(0.64 * height), line
+    strip = np.full((height, text_width + 4 * line, 3), CASING, dtype=np.uint8)
+    picture = np.concatenate([picture, strip], axis=1)
+    shades = np.linspace(0, TABLE_SIZE - 1, length).astype(np.uint8)
+    bar = picture[top : top + length, left : left + thick]
+    bar[:] = depth_colors()[shades][: bar.shape[0], None]
+    texts: list[Text] = []
+    for tick in ticks:
+        y = top + int(np.log(far / tick) / np.log(far / near) * (length - 1))
+        picture[max(y - line // 16, 0) : y + line // 16 + 1, left + thick : left + thick + line // 2] = PAPER
+        texts.append(((left + thick + line - line // 4, y - line // 2), f"{tick:g} m", PAPER))
+    return written(picture, texts, font)
+
+
+def _ticks(near: float, far: float, most: int) -> list[float]:
+    """Round distances within the limits, at most so many, fewer per decade when there are too many."""
+    powers = range(int(np.floor(np.log10(near))), int(np.ceil(np.log10(far))) + 1)
+    for digits in (
+        range(10, 100),
+        (10, 15, 20, 25, 30, 40, 50, 60, 70, 80, 90),
+        (10, 15, 20, 30, 50, 70),
+        (10, 20, 50),
+        (10,),
+    ):
+        ticks = [float(f"{digit}e{power - 1}") for power in powers for digit in digits]
+        ticks = [tick for tick in ticks if near <= tick <= far]
+        if len(ticks) <= most:
+            break
+    return ticks if len(ticks) >= 2 else [float(f"{near:.3g}"), float(f"{far:.3g}")]
