@@ -53,8 +53,8 @@ packages: $(STAMP)
 bench: $(STAMP)
 	$(BIN)/python -m pip install --quiet --editable '.[benchmarks]'
 	$(BIN)/python benchmarks/speed.py
-	$(BIN)/regionpose evaluate perspective $(NOISE_FREE) --out results/perspective.csv
-	$(BIN)/regionpose evaluate omnidirectional $(NOISE_FREE) --out results/omnidirectional.csv
+	$(BIN)/python -m benchmarks perspective $(NOISE_FREE) --out results/perspective.csv
+	$(BIN)/python -m benchmarks omnidirectional $(NOISE_FREE) --out results/omnidirectional.csv
 	$(BIN)/python benchmarks/stages.py --scenes 10
 	$(BIN)/python benchmarks/workers.py --scenes 40
 	$(BIN)/python benchmarks/confidence.py --scenes 10

@@ -22,12 +22,12 @@ import numpy as np
 import regionpose as rp
 import shapely
 from numpy.typing import NDArray
-from regionpose.evaluation import SpinningLidar, SyntheticScene, lidar_points, perspective_scene
-from regionpose.evaluation.measures import rotation_error, translation_error
-from regionpose.evaluation.planar import PlaneFrame
 from regionpose.regions.outline import SparseSamplingWarning
 
 from benchmarks.real_scenes import DEFAULT_DATA, camera_of, cloud_of
+from benchmarks.synthetic import SpinningLidar, SyntheticScene, lidar_points, perspective_scene
+from benchmarks.synthetic.measures import rotation_error, translation_error
+from benchmarks.synthetic.planar import PlaneFrame
 
 Array = NDArray[np.float64]
 

@@ -21,17 +21,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from regionpose import _core
-from regionpose.evaluation.measures import rotation_error
-from regionpose.evaluation.studies.conditions import Condition, Cut, Mistake, NoiseModel
-from regionpose.evaluation.studies.mistakes import draw_mistaken_problem
-from regionpose.evaluation.studies.mixes import draw_mixed_problem
-from regionpose.evaluation.studies.problems import StudyProblem
-from regionpose.evaluation.studies.study import benchmark_setups
-from regionpose.evaluation.studies.trust import WRONG_DEG
 from regionpose.solve.core_inputs import observed_regions
 from rich.progress import track
 from scipy.optimize import minimize
 from scipy.special import expit
+
+from benchmarks.synthetic.measures import rotation_error
+from benchmarks.synthetic.studies.conditions import Condition, Cut, Mistake, NoiseModel
+from benchmarks.synthetic.studies.mistakes import draw_mistaken_problem
+from benchmarks.synthetic.studies.mixes import draw_mixed_problem
+from benchmarks.synthetic.studies.problems import StudyProblem
+from benchmarks.synthetic.studies.study import benchmark_setups
+from benchmarks.synthetic.studies.trust import WRONG_DEG
 
 Array = NDArray[np.float64]
 

@@ -21,9 +21,10 @@ import shapely
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from regionpose import ImageRegion, WorldRegion, estimate_pose, grow_image_region, mask_from_file
-from regionpose.evaluation import SyntheticScene, fisheye_scene, perspective_scene, pose_errors
 from scipy import ndimage
 from skimage.color import lab2rgb
+
+from benchmarks.synthetic import SyntheticScene, fisheye_scene, perspective_scene, pose_errors
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -19,8 +19,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.evaluation import SyntheticScene, binary_mask, perspective_scene, problem_generator, squares_on_mask
 from regionpose.solve.matching import Pairs
+
+from benchmarks.synthetic import SyntheticScene, binary_mask, perspective_scene, problem_generator, squares_on_mask
 
 LAYOUTS = {2: (2, 1), 4: (2, 2), 8: (4, 2)}
 """Planes, and regions on each, of a number of regions."""

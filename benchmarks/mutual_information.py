@@ -23,13 +23,13 @@ import regionpose as rp
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose.cameras import Camera
-from regionpose.evaluation import overlap_error
-from regionpose.evaluation.measures import rotation_error
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 
 from benchmarks.real_scenes import DEFAULT_DATA, camera_of
+from benchmarks.synthetic import overlap_error
+from benchmarks.synthetic.measures import rotation_error
 
 Array = NDArray[np.float64]
 Feature = Literal["intensity", "normals"]

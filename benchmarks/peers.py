@@ -21,8 +21,9 @@ import cv2
 import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.evaluation import SyntheticScene, perspective_scene, problem_generator, squares_on_mask
-from regionpose.evaluation.measures import rotation_error, translation_error
+
+from benchmarks.synthetic import SyntheticScene, perspective_scene, problem_generator, squares_on_mask
+from benchmarks.synthetic.measures import rotation_error, translation_error
 
 Array = NDArray[np.float64]
 Solver = Callable[[Array, Array, rp.PinholeCamera], tuple[Array, Array] | None]

@@ -28,10 +28,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 import regionpose as rp
 from regionpose.cameras import Camera
-from regionpose.evaluation import SyntheticScene, fisheye_scene, perspective_scene
 from scipy.stats import chi2
 
 from benchmarks.real_scenes import DEFAULT_DATA, RIG, WAYS, RealScene, errors_of, scene_of
+from benchmarks.synthetic import SyntheticScene, fisheye_scene, perspective_scene
 
 ROWS = ("right", "right, refined", "wrong", "wrong, refined")
 ELLIPSOID = float(chi2.ppf(0.9, 6))

@@ -32,12 +32,13 @@ import regionpose as rp
 import shapely
 from numpy.typing import NDArray
 from regionpose.cameras import Camera
-from regionpose.evaluation import perspective_scene, perspective_setup
-from regionpose.evaluation.setups import perspective_camera
-from regionpose.evaluation.studies.conditions import Condition, Scan
-from regionpose.evaluation.studies.problems import draw_problem
 from regionpose.regions.outline import SparseSamplingWarning
 from scipy.optimize import brentq
+
+from benchmarks.synthetic import perspective_scene, perspective_setup
+from benchmarks.synthetic.setups import perspective_camera
+from benchmarks.synthetic.studies.conditions import Condition, Scan
+from benchmarks.synthetic.studies.problems import draw_problem
 
 Array = NDArray[np.float64]
 Problem = tuple[Camera, Sequence[rp.ImageRegion], Sequence[rp.WorldRegion]]

@@ -21,10 +21,11 @@ import regionpose as rp
 from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.cameras import Camera
-from regionpose.evaluation import perspective_scene, problem_generator, squares_on_mask
 from regionpose.solve.core_inputs import observed_regions
 from regionpose.solve.options import System
 from regionpose.solve.scipy_driver import scipy_minimum
+
+from benchmarks.synthetic import perspective_scene, problem_generator, squares_on_mask
 
 Result = TypeVar("Result")
 

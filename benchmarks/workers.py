@@ -17,8 +17,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from typing import Any
 
-from regionpose.evaluation.studies import Results, Study, dask_executor, run_study, study_named
-from regionpose.evaluation.studies.rows import TIMES
+from benchmarks.synthetic.studies import Results, Study, dask_executor, run_study, study_named
+from benchmarks.synthetic.studies.rows import TIMES
 
 Row = dict[str, Any]
 
@@ -48,7 +48,7 @@ def ways(workers: int) -> dict[str, Callable[[], Any]]:
         f"{workers} processes": lambda: nullcontext({"workers": workers}),
     }
     if importlib.util.find_spec("distributed") is None:
-        print("dask's distributed isn't there: pip install 'regionpose[distributed]' to compare it too")
+        print("dask's distributed isn't there: pip install 'regionpose[studies]' to compare it too")
     else:
         found[f"dask, {workers} workers"] = lambda: local_cluster(workers)
     return found

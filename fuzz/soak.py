@@ -23,8 +23,9 @@ from pathlib import Path
 import regionpose as rp
 from readers import CALIBRATIONS, OWN
 from regionpose.cli import main as command
-from regionpose.evaluation import perspective_scene
 from samples import samples
+
+from benchmarks.synthetic import perspective_scene
 
 MOST_GROWTH = 20
 """Megabytes: pages that the allocator keeps, far less than a kilobyte a run."""

@@ -15,7 +15,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "reference" / "licenses.md"
-EXTRAS = ("clouds", "parquet", "pick", "plots", "distributed", "ros")
+EXTRAS = ("clouds", "pick", "ros", "studies")
 
 HEAD = """# Licenses of dependencies
 

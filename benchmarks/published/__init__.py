@@ -18,12 +18,12 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import ArrayLike
 from regionpose.cameras import Camera
-from regionpose.evaluation.planar import region_centroid
 
 from benchmarks.published.moments import Array
 from benchmarks.published.solve import Minimum, Pair, minimum_from
 from benchmarks.published.start import Placement, Start, facing_placement, start_placement
 from benchmarks.published.system import SCHEMES, Integration, SeenPlane, System, observed_moments, world_side
+from benchmarks.synthetic.planar import region_centroid
 
 __all__ = ["SCHEMES", "Info", "Integration", "Start", "System", "estimate"]
 

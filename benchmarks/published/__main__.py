@@ -26,11 +26,11 @@ from pathlib import Path
 from typing import Any
 
 import regionpose as rp
-from regionpose.evaluation.studies.rows import Row
-from regionpose.evaluation.studies.storage import Journal, Key
 
 from benchmarks.published.compare import MAKERS, Outcome, drawn_problem, outcomes
 from benchmarks.published.report import DETAILS, TABLE, Condition, details, table_row
+from benchmarks.synthetic.studies.rows import Row
+from benchmarks.synthetic.studies.storage import Journal, Key
 
 SEPARATOR = ": "
 

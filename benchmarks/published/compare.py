@@ -9,7 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.evaluation import (
+
+from benchmarks import published
+from benchmarks.synthetic import (
     SyntheticScene,
     omnidirectional_scene,
     overlap_error,
@@ -17,12 +19,10 @@ from regionpose.evaluation import (
     problem_generator,
     squares_on_mask,
 )
-from regionpose.evaluation.masks import ProjectionError, project_region
-from regionpose.evaluation.measures import rotation_error, translation_error
-from regionpose.evaluation.planar import even_odd_shape
-from regionpose.evaluation.templates import TemplateSet
-
-from benchmarks import published
+from benchmarks.synthetic.masks import ProjectionError, project_region
+from benchmarks.synthetic.measures import rotation_error, translation_error
+from benchmarks.synthetic.planar import even_odd_shape
+from benchmarks.synthetic.templates import TemplateSet
 
 MAKERS: dict[published.System, Callable[..., SyntheticScene]] = {
     "plane": perspective_scene,

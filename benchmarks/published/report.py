@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from regionpose.evaluation import is_solved
 
 from benchmarks import published
 from benchmarks.published.compare import Outcome
+from benchmarks.synthetic import is_solved
 
 Rows = Sequence[dict[str, Outcome]]
 """What each method made of each problem."""

@@ -14,11 +14,11 @@ from collections.abc import Callable
 
 import numpy as np
 import regionpose as rp
-from regionpose.evaluation import SyntheticScene, omnidirectional_scene, perspective_scene
-from regionpose.evaluation.measures import SOLVED_ROTATION_DEG, rotation_error
 from scipy.spatial.transform import Rotation
 
 from benchmarks import published
+from benchmarks.synthetic import SyntheticScene, omnidirectional_scene, perspective_scene
+from benchmarks.synthetic.measures import SOLVED_ROTATION_DEG, rotation_error
 
 ANGLES_DEG = (0, 20, 45, 60, 70, 80, 90, 100, 120, 150)
 MAKERS: dict[published.System, Callable[..., SyntheticScene]] = {

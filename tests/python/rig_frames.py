@@ -8,8 +8,9 @@ from functools import cache
 import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.evaluation import SyntheticScene, fisheye_scene, perspective_scene
 from scipy.spatial.transform import Rotation
+
+from benchmarks.synthetic import SyntheticScene, fisheye_scene, perspective_scene
 
 RIG = rp.Pose(Rotation.from_rotvec([0.4, -0.2, 0.1]), np.array([0.1, -0.2, 0.05]))
 """The rig's camera_from_world: any rotation and decimeters."""

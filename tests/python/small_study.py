@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterable
 
 from regionpose.cameras import FisheyeCamera, PinholeCamera
-from regionpose.evaluation import setups
-from regionpose.evaluation.studies import Study
-from regionpose.evaluation.studies.conditions import Value
-from regionpose.evaluation.studies.rows import TIMES, Row
+
+from benchmarks.synthetic import setups
+from benchmarks.synthetic.studies import Study
+from benchmarks.synthetic.studies.conditions import Value
+from benchmarks.synthetic.studies.rows import TIMES, Row
 
 WIDTH, HEIGHT = 360, 240
 PERSPECTIVE = setups.Setup(

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.evaluation.lidar import LidarScan, SpinningLidar, lidar_scan
 from regionpose.scene import estimate_scene, load_scene
 from scene_files import write_scene
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
+
+from benchmarks.synthetic.lidar import LidarScan, SpinningLidar, lidar_scan
 
 Array = NDArray[np.float64]
 

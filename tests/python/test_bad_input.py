@@ -14,7 +14,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from regionpose import _core, kernels
-from regionpose.evaluation import load_templates
+
+from benchmarks.synthetic import load_templates
 
 SAMPLES = Path(__file__).parent / "samples"
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])

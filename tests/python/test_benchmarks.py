@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import regionpose as rp
-from regionpose.evaluation.studies import Study
 from small_study import SMALL
 
 from benchmarks.stages import drawn, stages
+from benchmarks.synthetic.studies import Study
 from benchmarks.workers import comparable, timed, ways
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"

@@ -19,7 +19,7 @@ from regionpose.io.calibrations.poses import read_pose
 from regionpose.io.clouds import read_cloud
 from scene_files import POSE, scene_values, write_scene
 
-COMMANDS = ("estimate", "calibrate", "segment", "fuse", "project", "demo", "evaluate", "info", "schema")
+COMMANDS = ("estimate", "calibrate", "segment", "fuse", "project", "demo", "info", "schema")
 
 
 @pytest.fixture(scope="module")

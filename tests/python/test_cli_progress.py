@@ -28,6 +28,9 @@ pty = pytest.importorskip("pty")
 AT_ONCE = "from regionpose.cli import console, main; console.SHOWN_AFTER_S = 0.0; raise SystemExit(main())"
 """A command whose progress is shown from the start."""
 
+STUDY = AT_ONCE.replace("import console, main;", "import console; from benchmarks.synthetic.command import main;")
+"""The same of a study."""
+
 SHOW_CURSOR, HIDE_CURSOR = "\x1b[?25h", "\x1b[?25l"
 CODES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
@@ -50,11 +53,13 @@ def hear_ctrl_c() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-def at_terminal(*words: str | Path, end: Callable[[str, subprocess.Popen[str]], None] | None = None) -> Seen:
+def at_terminal(
+    *words: str | Path, end: Callable[[str, subprocess.Popen[str]], None] | None = None, program: str = AT_ONCE
+) -> Seen:
     """A command with a terminal for its standard error; `end` is told what the terminal got so far."""
     screen, side = pty.openpty()
-    command = [sys.executable, "-c", AT_ONCE, *(str(word) for word in words)]
-    given = {**os.environ, "TERM": "xterm", "COLUMNS": "80"}
+    command = [sys.executable, "-c", program, *(str(word) for word in words)]
+    given = {**os.environ, "TERM": "xterm", "COLUMNS": "80", "PYTHONPATH": os.pathsep.join(sys.path)}
     process = subprocess.Popen(
         command,
         stdout=subprocess.PIPE,
@@ -202,7 +207,7 @@ def test_ctrl_c_leaves_a_clean_terminal_with_its_cursor(tmp_path: Path) -> None:
 
 def test_a_study_shows_its_rate_and_leaves_nothing(tmp_path: Path) -> None:
     words = ("--scenes", "40", "--planes", "3", "--noise", "0", "--no-plots", "-j", "1", "--out", tmp_path / "rows.csv")
-    seen = at_terminal("evaluate", "perspective", *words)
+    seen = at_terminal("perspective", *words, program=STUDY)
     assert seen.code == 0 and "written:" in seen.output
     assert any(re.search(r"perspective .*\d+/\d+ +[\d.]+(/s| s each)", line) for line in seen.lines)
     assert remains(seen.terminal) == " at 0, 0"

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from regionpose.evaluation.lidar import SpinningLidar, lidar_points
 from regionpose.regions.outline import outline_of_points
 from regionpose.segment.cloud import grow_plane, nearest_to_ray
 from regionpose.segment.planes import MOST_THINNED, SEARCHED, find_planes
 from scipy.spatial.transform import Rotation
+
+from benchmarks.synthetic.lidar import SpinningLidar, lidar_points
 
 Array = NDArray[np.float64]
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.evaluation import noise, perspective_scene, pose_errors, problem_generator
-from regionpose.evaluation.scenes import SyntheticScene
+
+from benchmarks.synthetic import noise, perspective_scene, pose_errors, problem_generator
+from benchmarks.synthetic.scenes import SyntheticScene
 
 COATS = 6.0
 """How often each place of the boundary is painted over: a share of e^-6 is left."""

@@ -12,11 +12,12 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from regionpose.cameras import PinholeCamera
-from regionpose.evaluation import masks, measures, planar, scenes, setups
-from regionpose.evaluation.template_drawings import drawn_templates
-from regionpose.evaluation.templates import Template, all_templates, load_templates, template_named
 from scipy.spatial.transform import Rotation
 from shapely import affinity
+
+from benchmarks.synthetic import masks, measures, planar, scenes, setups
+from benchmarks.synthetic.template_drawings import drawn_templates
+from benchmarks.synthetic.templates import Template, all_templates, load_templates, template_named
 
 Array = NDArray[np.float64]
 SceneMaker = Callable[..., scenes.SyntheticScene]

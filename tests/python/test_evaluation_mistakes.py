@@ -7,16 +7,17 @@ import typing
 import numpy as np
 import pytest
 import shapely
-from regionpose.evaluation.planar import area_vector, region_centroid
-from regionpose.evaluation.polygons import VERTICES, random_polygon
-from regionpose.evaluation.setups import perspective_setup
-from regionpose.evaluation.studies import Condition, Results, StudyProblem, results_table, run_study
-from regionpose.evaluation.studies.catalog import STUDIES
-from regionpose.evaluation.studies.conditions import Mistake
-from regionpose.evaluation.studies.mistakes import FOCAL_ERROR, FRONTAL_DEG, draw_mistaken_problem, mirrored
-from regionpose.evaluation.studies.rows import failed_row, whole_row
-from regionpose.evaluation.studies.trust import is_false_alarm, untold_rows
-from regionpose.evaluation.templates import is_symmetric
+
+from benchmarks.synthetic.planar import area_vector, region_centroid
+from benchmarks.synthetic.polygons import VERTICES, random_polygon
+from benchmarks.synthetic.setups import perspective_setup
+from benchmarks.synthetic.studies import Condition, Results, StudyProblem, results_table, run_study
+from benchmarks.synthetic.studies.catalog import STUDIES
+from benchmarks.synthetic.studies.conditions import Mistake
+from benchmarks.synthetic.studies.mistakes import FOCAL_ERROR, FRONTAL_DEG, draw_mistaken_problem, mirrored
+from benchmarks.synthetic.studies.rows import failed_row, whole_row
+from benchmarks.synthetic.studies.trust import is_false_alarm, untold_rows
+from benchmarks.synthetic.templates import is_symmetric
 
 MISTAKES = typing.get_args(Mistake)
 

@@ -11,9 +11,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from regionpose.cameras import FisheyeCamera, PinholeCamera
-from regionpose.evaluation import lidar, masks, measures, noise, planar, setups
-from regionpose.evaluation.templates import all_templates, template_named
 from scipy.spatial.transform import Rotation
+
+from benchmarks.synthetic import lidar, masks, measures, noise, planar, setups
+from benchmarks.synthetic.templates import all_templates, template_named
 
 Array = NDArray[np.float64]
 

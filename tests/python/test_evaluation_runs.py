@@ -10,8 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from regionpose.evaluation import setups
-from regionpose.evaluation.studies import (
+from small_study import FISHEYE, QUICK, comparable
+
+from benchmarks.synthetic import setups
+from benchmarks.synthetic.studies import (
     Condition,
     Results,
     Study,
@@ -20,9 +22,8 @@ from regionpose.evaluation.studies import (
     draw_problem,
     run_study,
 )
-from regionpose.evaluation.studies.dispatch import Dispatcher
-from regionpose.evaluation.studies.storage import Journal, OtherSettingsError
-from small_study import FISHEYE, QUICK, comparable
+from benchmarks.synthetic.studies.dispatch import Dispatcher
+from benchmarks.synthetic.studies.storage import Journal, OtherSettingsError
 
 CALLS = "REGIONPOSE_TEST_CALLS"
 """Environment variable with the folder in which problems of the tests leave a file each time they are made."""
@@ -85,7 +86,7 @@ def test_rows_do_not_depend_on_the_executor(quick_rows: Results) -> None:
 
 
 def test_rows_do_not_depend_on_a_dask_cluster(quick_rows: Results) -> None:
-    distributed = pytest.importorskip("distributed", reason="the extra `distributed` is not installed")
+    distributed = pytest.importorskip("distributed", reason="the extra `studies` is not installed")
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
         dask_executor(cluster.scheduler_address) as executor,
@@ -156,7 +157,7 @@ def test_a_file_that_is_no_journal_is_refused(tmp_path: Path) -> None:
 def test_a_script_that_its_workers_would_run_again_is_told_so(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
-        "from regionpose.evaluation.studies import run_study, study_named\n"
+        "from benchmarks.synthetic.studies import run_study, study_named\n"
         "run_study(study_named('regions'), 1, workers=2)\n",
         encoding="utf-8",
     )

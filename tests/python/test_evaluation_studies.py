@@ -15,10 +15,14 @@ from matplotlib.container import ErrorbarContainer
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 from regionpose.cameras import Camera, PinholeCamera, UnifiedCamera
-from regionpose.evaluation import setups
-from regionpose.evaluation.measures import summarize
-from regionpose.evaluation.scenes import Layout, draw_scene, problem_generator
-from regionpose.evaluation.studies import (
+from regionpose.geometry.pose import Pose
+from scipy.spatial.transform import Rotation
+from small_study import HEIGHT, PERSPECTIVE, QUICK, SMALL, WIDTH, comparable
+
+from benchmarks.synthetic import setups
+from benchmarks.synthetic.measures import summarize
+from benchmarks.synthetic.scenes import Layout, draw_scene, problem_generator
+from benchmarks.synthetic.studies import (
     STUDIES,
     Chart,
     Condition,
@@ -31,14 +35,11 @@ from regionpose.evaluation.studies import (
     study_named,
     write_rows,
 )
-from regionpose.evaluation.studies.conditions import Grid, changed_grid, grid_conditions, solver_options, solver_text
-from regionpose.evaluation.studies.plots import drawn_charts
-from regionpose.evaluation.studies.problems import image_patches, image_region
-from regionpose.evaluation.studies.rows import COLUMN_TYPES, judged, mahalanobis_squared
-from regionpose.evaluation.studies.study import estimate_options
-from regionpose.geometry.pose import Pose
-from scipy.spatial.transform import Rotation
-from small_study import HEIGHT, PERSPECTIVE, QUICK, SMALL, WIDTH, comparable
+from benchmarks.synthetic.studies.conditions import Grid, changed_grid, grid_conditions, solver_options, solver_text
+from benchmarks.synthetic.studies.plots import drawn_charts
+from benchmarks.synthetic.studies.problems import image_patches, image_region
+from benchmarks.synthetic.studies.rows import COLUMN_TYPES, judged, mahalanobis_squared
+from benchmarks.synthetic.studies.study import estimate_options
 
 
 @pytest.fixture(scope="module")
@@ -296,7 +297,7 @@ def test_every_study_runs_and_is_drawn(name: str) -> None:
 @pytest.mark.parametrize("name", ["rows.csv", "rows.parquet"])
 def test_rows_are_read_as_they_were_written(quick_rows: Results, name: str, tmp_path: Path) -> None:
     if name.endswith("parquet"):
-        pytest.importorskip("pyarrow", reason="the extra `parquet` is not installed")
+        pytest.importorskip("pyarrow", reason="the extra `studies` is not installed")
     write_rows(tmp_path / name, quick_rows)
     assert comparable(read_rows(tmp_path / name).rows) == comparable(quick_rows.rows)
 

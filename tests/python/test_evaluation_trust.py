@@ -10,10 +10,12 @@ import pytest
 from numpy.typing import NDArray
 from regionpose import PoseWarning, Solver, estimate_pose
 from regionpose._core import moved_pose
-from regionpose.evaluation import noise, planar
-from regionpose.evaluation.measures import translation_error
-from regionpose.evaluation.setups import perspective_setup
-from regionpose.evaluation.studies import (
+from small_study import PERSPECTIVE, QUICK, comparable
+
+from benchmarks.synthetic import noise, planar
+from benchmarks.synthetic.measures import translation_error
+from benchmarks.synthetic.setups import perspective_setup
+from benchmarks.synthetic.studies import (
     Condition,
     Results,
     Study,
@@ -22,16 +24,15 @@ from regionpose.evaluation.studies import (
     results_table,
     run_study,
 )
-from regionpose.evaluation.studies.bounds import anchor_shift, pose_bound, undisturbed_pieces
-from regionpose.evaluation.studies.catalog import STUDIES
-from regionpose.evaluation.studies.conditions import NoiseModel
-from regionpose.evaluation.studies.confidence import ranking, reliability
-from regionpose.evaluation.studies.coverage import bound_ratios, coverage, coverage_curve
-from regionpose.evaluation.studies.mixes import DRAWN, MOST_HIDDEN, PLANES_WITH_WRONG, draw_mixed_problem
-from regionpose.evaluation.studies.rows import Row, failed_row, outlier_named, whole_row
-from regionpose.evaluation.studies.trust import Verdicts, silent_rows
-from regionpose.evaluation.templates import template_named
-from small_study import PERSPECTIVE, QUICK, comparable
+from benchmarks.synthetic.studies.bounds import anchor_shift, pose_bound, undisturbed_pieces
+from benchmarks.synthetic.studies.catalog import STUDIES
+from benchmarks.synthetic.studies.conditions import NoiseModel
+from benchmarks.synthetic.studies.confidence import ranking, reliability
+from benchmarks.synthetic.studies.coverage import bound_ratios, coverage, coverage_curve
+from benchmarks.synthetic.studies.mixes import DRAWN, MOST_HIDDEN, PLANES_WITH_WRONG, draw_mixed_problem
+from benchmarks.synthetic.studies.rows import Row, failed_row, outlier_named, whole_row
+from benchmarks.synthetic.studies.trust import Verdicts, silent_rows
+from benchmarks.synthetic.templates import template_named
 
 Array = NDArray[np.float64]
 

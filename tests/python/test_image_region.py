@@ -16,9 +16,10 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from numpy.typing import ArrayLike, NDArray
 from regionpose import kernels
 from regionpose.cameras import Camera
-from regionpose.evaluation import area_coverage, binary_mask
 from regionpose.regions.pixel_edges import BEND_TOLERANCE_PX
 from skimage.measure import find_contours
+
+from benchmarks.synthetic import area_coverage, binary_mask
 
 Array = NDArray[np.float64]
 

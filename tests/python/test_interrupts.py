@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import regionpose as rp
-from regionpose.evaluation import perspective_scene
+
+from benchmarks.synthetic import perspective_scene
 
 SOON_S = 1.0
 """A user waits so long at the most."""
@@ -24,7 +25,7 @@ START_S = 60.0
 
 PROBLEM = """
 import numpy as np, regionpose as rp, shapely
-from regionpose.evaluation import perspective_scene
+from benchmarks.synthetic import perspective_scene
 
 def given(seed, planes=3):
     scene = perspective_scene(seed, planes)
@@ -85,7 +86,10 @@ def interruptible(command: list[str]) -> subprocess.Popen[str]:
     def hear() -> None:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
 
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=hear)
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=paths, preexec_fn=hear
+    )
 
 
 def interrupted(process: subprocess.Popen[str]) -> tuple[str, float]:
@@ -153,7 +157,7 @@ def test_batches_from_several_threads_are_the_same_to_the_last_bit() -> None:
 
 
 def test_a_study_ends_by_ctrl_c_within_a_second(tmp_path: Path) -> None:
-    words = ["-m", "regionpose", "evaluate", "perspective", "--scenes", "5000", "--no-plots", "-j", "1"]
+    words = ["-m", "benchmarks", "perspective", "--scenes", "5000", "--no-plots", "-j", "1"]
     command = [sys.executable, *words, "--out", str(tmp_path / "study.csv")]
     process = interruptible(command)
     try:

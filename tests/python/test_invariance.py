@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.evaluation import perspective_scene
-from regionpose.evaluation.masks import binary_mask
+
+from benchmarks.synthetic import perspective_scene
+from benchmarks.synthetic.masks import binary_mask
 
 Array = NDArray[np.float64]
 Rings = list[Array]

@@ -14,7 +14,9 @@ import regionpose as rp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from regionpose.evaluation import (
+from scipy.spatial.transform import Rotation
+
+from benchmarks.synthetic import (
     SyntheticScene,
     fisheye_scene,
     omnidirectional_scene,
@@ -22,7 +24,6 @@ from regionpose.evaluation import (
     squares_on_mask,
     template_named,
 )
-from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 

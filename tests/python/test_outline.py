@@ -8,15 +8,16 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from regionpose.evaluation.lidar import SpinningLidar, lidar_points
-from regionpose.evaluation.planar import PlaneFrame
-from regionpose.evaluation.setups import perspective_setup
-from regionpose.evaluation.studies.conditions import Condition
-from regionpose.evaluation.studies.problems import draw_problem
-from regionpose.evaluation.templates import all_templates
 from regionpose.regions.outline import Outline, SparseSamplingWarning, flat_outline, outline_of_points
 from regionpose.regions.plane_fit import robust_plane
 from scipy.spatial.transform import Rotation
+
+from benchmarks.synthetic.lidar import SpinningLidar, lidar_points
+from benchmarks.synthetic.planar import PlaneFrame
+from benchmarks.synthetic.setups import perspective_setup
+from benchmarks.synthetic.studies.conditions import Condition
+from benchmarks.synthetic.studies.problems import draw_problem
+from benchmarks.synthetic.templates import all_templates
 
 Array = NDArray[np.float64]
 

@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.cameras import Camera
-from regionpose.evaluation import load_templates, perspective_scene, template_named
-from regionpose.evaluation.planar import even_odd_shape
 from regionpose.solve.options import EXACT_EXPOSURE
 from scipy.spatial.transform import Rotation
+
+from benchmarks.synthetic import load_templates, perspective_scene, template_named
+from benchmarks.synthetic.planar import even_odd_shape
 
 Array = NDArray[np.float64]
 Rings = list[Array]

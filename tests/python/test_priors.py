@@ -12,17 +12,18 @@ import pytest
 import regionpose as rp
 from numpy.typing import ArrayLike
 from regionpose.cameras import PinholeCamera
-from regionpose.evaluation import setups
-from regionpose.evaluation.studies.conditions import Condition
-from regionpose.evaluation.studies.problems import (
+from regionpose.solve.prior import Mount
+from scipy.spatial.transform import Rotation
+
+from benchmarks.synthetic import setups
+from benchmarks.synthetic.studies.conditions import Condition
+from benchmarks.synthetic.studies.problems import (
     INITIAL_CENTER_SIGMA_M,
     INITIAL_ROTATION_SIGMA_DEG,
     StudyProblem,
     draw_problem,
 )
-from regionpose.evaluation.studies.rows import displacement, judged
-from regionpose.solve.prior import Mount
-from scipy.spatial.transform import Rotation
+from benchmarks.synthetic.studies.rows import displacement, judged
 
 HALF = setups.Setup(PinholeCamera(950.0, 950.0, 593.5, 395.5, width=1188, height=792), setups.perspective_setup().poses)
 """The benchmark's camera at half its resolution, for the time it takes to draw masks."""

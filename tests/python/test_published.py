@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.evaluation import SyntheticScene, omnidirectional_scene, perspective_scene
-from regionpose.evaluation.measures import rotation_error, translation_error
 from scipy.spatial.transform import Rotation
 
 from benchmarks import published
@@ -28,6 +26,8 @@ from benchmarks.published.moments import (
 from benchmarks.published.report import Condition, details, table_row
 from benchmarks.published.start import centroid_direction, facing_placement, start_placement
 from benchmarks.published.system import SeenPlane, observed_moments, world_side
+from benchmarks.synthetic import SyntheticScene, omnidirectional_scene, perspective_scene
+from benchmarks.synthetic.measures import rotation_error, translation_error
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,6 @@ import regionpose as rp
 from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.cameras import Camera
-from regionpose.evaluation import fisheye_scene, pose_errors, squares_on_mask
 from regionpose.solve.contours import (
     contours_of,
     distances_of,
@@ -29,6 +28,8 @@ from rig_frames import (
     world_of,
 )
 from scipy.spatial.transform import Rotation
+
+from benchmarks.synthetic import fisheye_scene, pose_errors, squares_on_mask
 
 Array = NDArray[np.float64]
 DATA = Path(__file__).parents[2].parent / "shared" / "data"

@@ -9,10 +9,11 @@ import pytest
 import regionpose as rp
 from numpy.typing import NDArray
 from regionpose import _core
-from regionpose.evaluation.setups import perspective_setup
-from regionpose.evaluation.studies.conditions import Condition
-from regionpose.evaluation.studies.problems import draw_problem
 from rig_frames import RIG
+
+from benchmarks.synthetic.setups import perspective_setup
+from benchmarks.synthetic.studies.conditions import Condition
+from benchmarks.synthetic.studies.problems import draw_problem
 
 Array = NDArray[np.float64]
 

@@ -9,11 +9,12 @@ import pytest
 import regionpose as rp
 import shapely
 from numpy.typing import NDArray
-from regionpose.evaluation.lidar import LidarScan, SpinningLidar, lidar_scan
-from regionpose.evaluation.planar import PlaneFrame
-from regionpose.evaluation.setups import perspective_setup
-from regionpose.evaluation.studies.conditions import Condition, Scan
-from regionpose.evaluation.studies.problems import draw_problem
+
+from benchmarks.synthetic.lidar import LidarScan, SpinningLidar, lidar_scan
+from benchmarks.synthetic.planar import PlaneFrame
+from benchmarks.synthetic.setups import perspective_setup
+from benchmarks.synthetic.studies.conditions import Condition, Scan
+from benchmarks.synthetic.studies.problems import draw_problem
 
 Array = NDArray[np.float64]
 

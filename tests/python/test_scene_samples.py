@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from regionpose.evaluation.lidar import lidar_scan
 from regionpose.io.clouds import Cloud, write_ply
 from regionpose.scene import estimate_scene, load_scene, scene_result, scene_sides
 from regionpose.scene.region_sides import WorldSide
 from scene_files import PLATES, POSE, scene_values, write_scene
+
+from benchmarks.synthetic.lidar import lidar_scan
 
 SCANNER = POSE.camera_center + POSE.rotation.inv().apply([0.0, -0.5, 0.0])
 """Near the camera, as on a vehicle, and off the axes, so that beams see the plates from elsewhere than the camera."""

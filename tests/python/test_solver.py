@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.evaluation import SyntheticScene, omnidirectional_scene, perspective_scene, pose_errors
 from regionpose.solve.batch import PoseProblem
 from regionpose.solve.options import System
+
+from benchmarks.synthetic import SyntheticScene, omnidirectional_scene, perspective_scene, pose_errors
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,9 @@ import trimesh
 from flat_shapes import area, disc
 from numpy.typing import NDArray
 from regionpose import kernels
-from regionpose.evaluation import load_templates
 from scipy.spatial.transform import Rotation
+
+from benchmarks.synthetic import load_templates
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from regionpose import __version__
-from regionpose.cli import calibrate, demo, estimate, evaluate, export, fuse, info, pick, project, schema, segment
+from regionpose.cli import calibrate, demo, estimate, export, fuse, info, pick, project, schema, segment
 from regionpose.cli.console import BAD_INPUT, error_code, one_line
 
 FINE, INTERRUPTED, TERMINATED = 0, 130, 143
@@ -52,7 +52,6 @@ app.command("export")(export.export)
 app.command("fuse")(fuse.fuse)
 app.command("project")(project.project)
 app.command("demo")(demo.demo)
-app.command("evaluate")(evaluate.evaluate)
 app.command("info")(info.info)
 app.command("schema")(schema.schema)
 
@@ -77,20 +76,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Expected errors (bad input, files, a missing extra) are one line on standard error; others are raised.
     """
+    return run_command(app, arguments, "regionpose")
+
+
+def run_command(app: typer.Typer, arguments: Sequence[str] | None, program: str) -> int:
+    """The exit code of a command line of `app`, whose help calls it `program`; errors as `main` has them."""
     if arguments is None:
         # The process is this program's alone. Readers have a limit of their own, and say where it is exceeded.
         warnings.filterwarnings("ignore", "Image size .* exceeds limit")
     try:
         with _terminated_cleanly():
-            return _run(arguments)
+            return _run(app, arguments, program)
     except KeyboardInterrupt:
         # Outside of Typer's care, as when the work is done already.
         return INTERRUPTED
 
 
-def _run(arguments: Sequence[str] | None) -> int:
+def _run(app: typer.Typer, arguments: Sequence[str] | None, program: str) -> int:
     try:
-        app(args=None if arguments is None else list(arguments), prog_name="regionpose")
+        app(args=None if arguments is None else list(arguments), prog_name=program)
     except SystemExit as end:
         # Typer ends with 1 after Ctrl-C, which is the code of --strict here.
         code = INTERRUPTED if isinstance(end.__context__, typer.Abort) else end.code
