@@ -54,7 +54,8 @@ pub mod equations;
 pub mod error;
 #[doc(hidden)]
 pub mod geometry;
-mod lanes;
+#[doc(hidden)]
+pub mod math;
 pub mod mesh;
 pub mod moments;
 #[doc(hidden)]
@@ -81,8 +82,9 @@ pub use equations::facet::Integration;
 pub use equations::system::System;
 pub use error::{Error, Result};
 pub use geometry::pose::Pose;
+pub use math::gaussian::Gaussian;
 pub use options::{FrameSigma, Limits, Options, Refinement, Start};
-pub use prior::{Gaussian, PoseSigma, Prior};
+pub use prior::{PoseSigma, Prior};
 pub use problem::Problem;
 pub use region::{ObservedRegion, WorldRegion};
 pub use search::candidates::Search;

@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
 
 use crate::error::{Error, Result};
 use crate::geometry::pose::Pose;
+use crate::math::gaussian::Gaussian;
 
 /// Standard deviation of the up direction where none is given, rad (15 degrees): a camera held by hand, its pitch unknown.
 pub const UP_SIGMA: f64 = std::f64::consts::PI / 12.0;
@@ -64,25 +65,6 @@ pub struct Prior {
     pub near: Option<Vector3<f64>>,
     /// Standard deviation of the camera's place about it along each axis, meters; [`NEAR_SIGMA`] where there is none.
     pub near_sigma: Option<f64>,
-}
-
-/// A Gaussian factor of the left increment `x` of a pose, not normalized: `offset + vector . x - x . information x / 2` is its
-/// logarithm.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Gaussian<const D: usize = 6> {
-    /// Inverse covariance, zero along what it leaves free.
-    pub information: SMatrix<f64, D, D>,
-    /// Information times mean.
-    pub vector: SVector<f64, D>,
-    /// Logarithm of its value at the pose itself.
-    pub offset: f64,
-}
-
-impl<const D: usize> Default for Gaussian<D> {
-    /// The factor that says nothing.
-    fn default() -> Self {
-        Self { information: SMatrix::zeros(), vector: SVector::zeros(), offset: 0.0 }
-    }
 }
 
 /// How far a pose is from the initial one.
@@ -203,15 +185,15 @@ impl Prior {
         let mut factor = Gaussian::default();
         if let Some((initial, sigma)) = self.rough() {
             let turn = pose.increment_to(&initial).fixed_rows::<3>(0).into_owned();
-            factor.add(0, &Matrix3::identity(), &turn, sigma.rotation);
-            factor.add_place(pose, &initial.inverse().translation, sigma.place);
+            add_block(&mut factor, 0, &Matrix3::identity(), &turn, sigma.rotation);
+            add_place(&mut factor, pose, &initial.inverse().translation, sigma.place);
         }
         if let Some((turn, seen)) = self.turn_to_up(pose) {
             let across = Matrix3::identity() - seen * seen.transpose();
-            factor.add(0, &across, &turn, self.up_sigma.unwrap_or(UP_SIGMA));
+            add_block(&mut factor, 0, &across, &turn, self.up_sigma.unwrap_or(UP_SIGMA));
         }
         if let Some((near, sigma)) = self.place() {
-            factor.add_place(pose, &near, sigma);
+            add_place(&mut factor, pose, &near, sigma);
         }
         factor
     }
@@ -257,22 +239,20 @@ impl Prior {
     }
 }
 
-impl Gaussian {
-    /// Adds that the three components from `first` on lie about `mean`, known along the directions that a projection
-    /// `along` keeps.
-    fn add(&mut self, first: usize, along: &Matrix3<f64>, mean: &Vector3<f64>, sigma: f64) {
-        let weight = (sigma * sigma).recip();
-        let mut block = self.information.fixed_view_mut::<3, 3>(first, first);
-        block += along * weight;
-        let mut rows = self.vector.fixed_rows_mut::<3>(first);
-        rows += mean * weight;
-        self.offset -= 0.5 * weight * mean.norm_squared();
-    }
+/// Adds to a factor of the left increment that the three components from `first` on lie about `mean`, known along the directions that
+/// the projection `along` keeps.
+fn add_block(factor: &mut Gaussian, first: usize, along: &Matrix3<f64>, mean: &Vector3<f64>, sigma: f64) {
+    let weight = (sigma * sigma).recip();
+    let mut block = factor.information.fixed_view_mut::<3, 3>(first, first);
+    block += along * weight;
+    let mut rows = factor.information_vector.fixed_rows_mut::<3>(first);
+    rows += mean * weight;
+    factor.offset -= 0.5 * weight * mean.norm_squared();
+}
 
-    /// Adds that the camera stands near a place of the world, which it sees at `R (X - C)`: the way there in its axes.
-    fn add_place(&mut self, pose: &Pose, place: &Vector3<f64>, sigma: f64) {
-        self.add(3, &Matrix3::identity(), &-pose.transform(place), sigma);
-    }
+/// Adds that the camera stands near a place of the world, which it sees at `R (X - C)`: the way there in its axes.
+fn add_place(factor: &mut Gaussian, pose: &Pose, place: &Vector3<f64>, sigma: f64) {
+    add_block(factor, 3, &Matrix3::identity(), &-pose.transform(place), sigma);
 }
 
 fn is_positive(number: f64) -> bool {

@@ -18,7 +18,8 @@ DOCUMENT = ROOT / "docs" / "architecture.md"
 Uses = dict[str, set[str]]
 
 CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
-    ("effort", "error", "lanes"),
+    ("math",),
+    ("effort", "error"),
     ("batch", "geometry", "moments"),
     ("mesh", "prior", "region"),
     ("options",),
@@ -68,8 +69,8 @@ KNOWS_NO_POSE = (
 """Files and folders of the crate that a change of the pose's form leaves alone."""
 
 SOLE_USERS = {
-    "libm": {"samples"},
-    "pulp": {"lanes"},
+    "libm": {"math"},
+    "pulp": {"math"},
     "rayon": {"batch"},
     "robust": {"geometry"},
     "spade": {"mesh"},
@@ -203,7 +204,7 @@ def test_the_document_draws_the_same_layers() -> None:
 
 
 def test_uses_in_braces_and_in_paths_are_found_and_comments_are_not() -> None:
-    code = "use crate::{pose::{Pose, Tangent}, region};\nlet x = crate::chart::f();\nuse super::lanes;"
+    code = "use crate::{pose::{Pose, Tangent}, region};\nlet x = crate::chart::f();\nuse super::math;"
     assert named_after(code, "crate") == {"pose", "region", "chart"}
 
 

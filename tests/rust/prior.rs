@@ -142,7 +142,7 @@ fn a_priors_gaussian_has_the_slope_of_its_density() {
         let mut away = || pose.moved(&random.tangent(1.0, 3.0));
         let others = [away(), away(), away()];
         let prior = everything(&mut random, &others[0], &others[1], &others[2]);
-        let slope = OMatrix::<f64, Dyn, U6>::from_rows(&[-prior.gaussian(&pose).vector.transpose()]);
+        let slope = OMatrix::<f64, Dyn, U6>::from_rows(&[-prior.gaussian(&pose).information_vector.transpose()]);
         let value = |by: &Tangent| DVector::from_element(1, energy(&prior, &pose, by));
         assert_jacobian(&slope, value, &Tangent::zeros(), 1.0, 1e-8);
     }
@@ -164,7 +164,7 @@ fn a_priors_gaussian_has_the_curvature_of_its_density_where_they_agree() {
         for prior in only {
             // The slope at the moved pose, by the further increment, back to the first (`docs/math.md`, eq. 1.5).
             let slope = |by: &Tangent| {
-                let vector = increment_derivative(by).transpose() * -prior.gaussian(&pose.moved(by)).vector;
+                let vector = increment_derivative(by).transpose() * -prior.gaussian(&pose.moved(by)).information_vector;
                 DVector::from_column_slice(vector.as_slice())
             };
             let information = prior.gaussian(&pose).information;
@@ -184,15 +184,15 @@ fn one_step_by_a_priors_gaussian_leads_to_its_mean() {
         let all = everything(&mut random, &mean, &mean, &mean);
         let rough = Prior { up: None, near: None, ..all };
         let factor = rough.gaussian(&pose);
-        let reached = pose.moved(&(factor.information.try_inverse().unwrap() * factor.vector));
+        let reached = pose.moved(&(factor.information.try_inverse().unwrap() * factor.information_vector));
         assert!(reached.angle_to(&mean) < 1e-9);
         let place = Prior { initial: None, up: None, ..all }.gaussian(&pose);
-        let tau = place.vector.fixed_rows::<3>(3) / place.information[(3, 3)];
+        let tau = place.information_vector.fixed_rows::<3>(3) / place.information[(3, 3)];
         let carried = Pose::new(pose.rotation, pose.translation + tau);
         assert!((carried.inverse().translation - mean.inverse().translation).norm() < 1e-9);
         let up = Prior { initial: None, near: None, ..all }.gaussian(&pose);
         let sigma = all.up_sigma.unwrap();
-        let turn = Rotation3::new(up.vector.fixed_rows::<3>(0) * (sigma * sigma));
+        let turn = Rotation3::new(up.information_vector.fixed_rows::<3>(0) * (sigma * sigma));
         assert!((turn * pose.rotation * all.up.unwrap().normalize() + Vector3::y()).norm() < 1e-9);
         // It says nothing of a turn about up.
         assert!((up.information.fixed_view::<3, 3>(0, 0) * (pose.rotation * all.up.unwrap())).norm() < 1e-9);

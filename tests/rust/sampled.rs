@@ -8,7 +8,7 @@ use nalgebra::{Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
 use regionpose::geometry::pose::Tangent;
 use regionpose::geometry::rings::PlaneRings;
-use regionpose::prior::Gaussian;
+use regionpose::math::gaussian::Gaussian;
 use regionpose::region::PlaneFrame;
 use regionpose::samples::posterior::{Led, Passed, Posterior, led, posteriors};
 use regionpose::samples::settings::{Setting, shares};

@@ -4,17 +4,17 @@ use crate::support::random::Random;
 use crate::support::samples::{CLEAN, prior, site};
 use nalgebra::{Matrix2, Matrix6, Vector2, Vector6};
 use proptest::prelude::*;
-use regionpose::prior::Gaussian;
-use regionpose::samples::belief::Belief;
+use regionpose::math::gaussian::Gaussian;
+use regionpose::math::gaussian::Normal;
+use regionpose::math::normal::{cumulative, density};
+use regionpose::math::single_precision;
 use regionpose::samples::ends::{Beside, Heard, heard};
-use regionpose::samples::normal::{cumulative, density};
 use regionpose::samples::propagation::{Site, propagated_apart};
 use regionpose::samples::readings::Edge;
-use regionpose::samples::single;
 use regionpose::samples::trust::Trust;
 
 /// The belief and the evidence of samples by themselves with such a prior.
-fn left_possible(deviation: f64, sites: &mut [Site]) -> (Belief, f64) {
+fn left_possible(deviation: f64, sites: &mut [Site]) -> (Normal, f64) {
     let found = propagated_apart(&prior(deviation), &Gaussian::default(), sites).unwrap();
     (found.belief, found.log_evidence)
 }
@@ -113,7 +113,7 @@ fn beyond_a_hiding_edge_nothing_is_known() {
 }
 
 /// Some labels beside a stretch whose ends lie at a place, and what is known of the ends beforehand.
-fn beside(random: &mut Random, count: usize, trust: Trust) -> (Vec<Beside>, Belief<2>) {
+fn beside(random: &mut Random, count: usize, trust: Trust) -> (Vec<Beside>, Normal<2>) {
     let [start, end] = [0; 2].map(|_| 3.0 * random.normal());
     let label = |_| {
         let along = random.uniform(0.0, 1.0);
@@ -125,18 +125,18 @@ fn beside(random: &mut Random, count: usize, trust: Trust) -> (Vec<Beside>, Beli
     };
     let labels = (0..count).map(label).collect();
     let covariance = Matrix2::new(16.0, 6.0, 6.0, 9.0);
-    (labels, Belief { mean: Vector2::new(1.0, -2.0), covariance })
+    (labels, Normal { mean: Vector2::new(1.0, -2.0), covariance })
 }
 
 /// Mean, covariance and logarithm of the integral by an even grid over all that is known beforehand.
-fn by_even_grid(labels: &[Beside], before: &Belief<2>) -> (Belief<2>, f64) {
+fn by_even_grid(labels: &[Beside], before: &Normal<2>) -> (Normal<2>, f64) {
     const STEP: f64 = 0.1;
     let information = before.covariance.try_inverse().unwrap();
     let (mut all, mut first, mut second) = (0.0, Vector2::zeros(), Matrix2::zeros());
     for row in -250..250 {
         for column in -250..250 {
             let way = Vector2::new(f64::from(row), f64::from(column)) * STEP;
-            let known = Belief { mean: before.mean + way, covariance: Matrix2::zeros() };
+            let known = Normal { mean: before.mean + way, covariance: Matrix2::zeros() };
             let told: f64 = labels.iter().map(|label| label.label(&known).log_probability).sum();
             let weight = (told - 0.5 * way.dot(&(information * way))).exp();
             all += weight;
@@ -146,11 +146,11 @@ fn by_even_grid(labels: &[Beside], before: &Belief<2>) -> (Belief<2>, f64) {
     }
     let mean = first / all;
     let scale = STEP * STEP / (2.0 * std::f64::consts::PI * before.covariance.determinant().sqrt());
-    (Belief { mean, covariance: second / all - mean * mean.transpose() }, (all * scale).ln())
+    (Normal { mean, covariance: second / all - mean * mean.transpose() }, (all * scale).ln())
 }
 
 /// How far one belief of two ends is from another: of the mean, in deviations, and of the covariance, as a share.
-fn differences_of(found: &Belief<2>, exact: &Belief<2>) -> (f64, f64) {
+fn differences_of(found: &Normal<2>, exact: &Normal<2>) -> (f64, f64) {
     let root = exact.covariance.cholesky().unwrap();
     let way = root.l().solve_lower_triangular(&(found.mean - exact.mean)).unwrap();
     (way.norm(), (root.solve(&found.covariance) - Matrix2::identity()).norm())
@@ -168,7 +168,7 @@ proptest! {
         let (labels, before) = beside(&mut random, count, trust);
         let (exact, log_integral) = by_even_grid(&labels, &before);
         let way = exact.covariance.cholesky().unwrap().l() * Vector2::new(1.0, -1.0);
-        let beside = Belief { mean: exact.mean + way, covariance: exact.covariance * 1.5 };
+        let beside = Normal { mean: exact.mean + way, covariance: exact.covariance * 1.5 };
         for about in [before, beside] {
             let Heard { belief: found, log_probability: log_found, is_settled } = heard(&labels, &before, &about).unwrap();
             assert!(is_settled);
@@ -198,11 +198,11 @@ fn ends_beside_many_labels_are_those_of_a_fine_grid() {
 }
 
 /// Mean, covariance and logarithm of the integral where each label counts so many times, by a grid of 6 deviations about a belief.
-fn by_fine_grid(labels: &[Beside], times: f64, before: &Belief<2>, about: &Belief<2>) -> (Belief<2>, f64) {
+fn by_fine_grid(labels: &[Beside], times: f64, before: &Normal<2>, about: &Normal<2>) -> (Normal<2>, f64) {
     const PLACES: i32 = 60;
     let (information, root) = (before.covariance.try_inverse().unwrap(), about.covariance.cholesky().unwrap().l());
     let log_at = |place: &Vector2<f64>| {
-        let known = Belief { mean: *place, covariance: Matrix2::zeros() };
+        let known = Normal { mean: *place, covariance: Matrix2::zeros() };
         let told: f64 = labels.iter().map(|label| label.label(&known).log_probability).sum();
         let way = place - before.mean;
         times * told - 0.5 * way.dot(&(information * way))
@@ -219,15 +219,15 @@ fn by_fine_grid(labels: &[Beside], times: f64, before: &Belief<2>, about: &Belie
     let mean = first / all;
     let area = 0.01 * root.determinant() / (2.0 * std::f64::consts::PI * before.covariance.determinant().sqrt());
     let covariance = second / all - mean * mean.transpose();
-    (Belief { mean: about.mean + mean, covariance }, most + (all * area).ln())
+    (Normal { mean: about.mean + mean, covariance }, most + (all * area).ln())
 }
 
 /// From a million deviations away a dozen grids do not come there.
 #[test]
 fn ends_that_are_not_found_say_so() {
-    let before = Belief { mean: Vector2::zeros(), covariance: Matrix2::identity() };
+    let before = Normal { mean: Vector2::zeros(), covariance: Matrix2::identity() };
     assert!(heard(&[], &before, &before).is_some_and(|heard| heard.is_settled));
-    let away = Belief { mean: Vector2::repeat(1e3), covariance: Matrix2::identity() * 1e-6 };
+    let away = Normal { mean: Vector2::repeat(1e3), covariance: Matrix2::identity() * 1e-6 };
     assert!(heard(&[], &before, &away).is_some_and(|heard| !heard.is_settled));
 }
 
@@ -237,11 +237,11 @@ proptest! {
     fn single_precision_is_near_to_double(x in -40.0_f32..40.0, log in -87.0_f32..2.0) {
         let number = f64::from(log).exp() as f32;
         let off = |single: f32, double: f64| (f64::from(single) - double).abs();
-        prop_assert!(off(single::cumulative(x), cumulative(f64::from(x))) < 3e-6);
-        prop_assert!(off(single::ln(number), f64::from(number).ln()) < 1e-6 * f64::max(1.0, f64::from(log).abs()));
+        prop_assert!(off(single_precision::cumulative(x), cumulative(f64::from(x))) < 3e-6);
+        prop_assert!(off(single_precision::ln(number), f64::from(number).ln()) < 1e-6 * f64::max(1.0, f64::from(log).abs()));
         let low = log.min(0.0);
         let exact = f64::from(low).exp();
-        prop_assert!(off(single::exp(low), exact) < f64::max(1e-6 * exact, 2e-37));
+        prop_assert!(off(single_precision::exp(low), exact) < f64::max(1e-6 * exact, 2e-37));
     }
 }
 
@@ -249,10 +249,10 @@ proptest! {
 #[test]
 fn single_precision_ends_where_numbers_do() {
     let far = [f32::MAX, f32::INFINITY];
-    assert!(
-        far.iter().all(|&x| single::cumulative(x) == 1.0 && single::cumulative(-x) == 0.0 && single::exp(-x) == 0.0)
-    );
-    assert_eq!(single::exp(0.0), 1.0);
-    assert_eq!(single::ln(1.0), 0.0);
-    assert_eq!(single::ln(0.0), single::ln(f32::MIN_POSITIVE));
+    assert!(far.iter().all(|&x| single_precision::cumulative(x) == 1.0
+        && single_precision::cumulative(-x) == 0.0
+        && single_precision::exp(-x) == 0.0));
+    assert_eq!(single_precision::exp(0.0), 1.0);
+    assert_eq!(single_precision::ln(1.0), 0.0);
+    assert_eq!(single_precision::ln(0.0), single_precision::ln(f32::MIN_POSITIVE));
 }

@@ -3,10 +3,10 @@
 use crate::support::random::Random;
 use crate::support::samples::{CLEAN, prior, site};
 use nalgebra::{Matrix2, Matrix6, Vector2, Vector6};
-use regionpose::prior::Gaussian;
-use regionpose::samples::belief::Belief;
+use regionpose::math::gaussian::Gaussian;
+use regionpose::math::gaussian::Normal;
+use regionpose::math::normal::density;
 use regionpose::samples::kinds::Kind;
-use regionpose::samples::normal::density;
 use regionpose::samples::outline::Outline;
 use regionpose::samples::propagation::{Site, propagated};
 use regionpose::samples::readings::Edge;
@@ -130,7 +130,7 @@ fn agree_with_sampling(growth: f64, grown: [f64; 2], off: [f64; 5]) {
     }
     let (mean, exact) = (first / all, (all / 5_000.0_f64).ln());
     let covariance = second / all - mean * mean.transpose();
-    let Belief { mean: found_mean, covariance: found_covariance } = found.belief;
+    let Normal { mean: found_mean, covariance: found_covariance } = found.belief;
     assert!((found_mean - mean).norm() < 0.15, "{found_mean} against {mean}");
     let spread = (found_covariance - covariance).norm() / covariance.norm();
     assert!(spread < 0.2, "{found_covariance} against {covariance}");

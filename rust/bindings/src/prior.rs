@@ -97,7 +97,7 @@ impl Prior {
         let said = self.0.gaussian(&pose(rotation, translation)?);
         Ok((
             matrix(py, said.information.iter().copied().collect(), [6, 6])?,
-            PyArray1::from_slice(py, said.vector.as_slice()),
+            PyArray1::from_slice(py, said.information_vector.as_slice()),
         ))
     }
 }

@@ -2,7 +2,7 @@
 
 use std::array;
 
-use crate::lanes::{NullaryFnOnce, vectorized};
+use crate::math::lanes::{NullaryFnOnce, vectorized};
 
 /// A picture of so many columns, row by row, spread down the columns and then along the rows; mirrored beyond its sides.
 ///

@@ -115,7 +115,11 @@ impl PoseDensity {
         match self {
             Self::Prior { prior, log_volume } => {
                 let factor = prior.gaussian(pose);
-                DensityAt { value: factor.offset - log_volume, slope: factor.vector, information: factor.information }
+                DensityAt {
+                    value: factor.offset - log_volume,
+                    slope: factor.information_vector,
+                    information: factor.information,
+                }
             }
             Self::Student { pose: middle, information, log_height } => {
                 let increment = middle.increment_to(pose);
@@ -151,7 +155,7 @@ impl Sampler {
         let (factor, least) = match &density {
             PoseDensity::Prior { prior, .. } => (prior.gaussian(&base_pose(prior, &[0.0; 3])), OPEN),
             PoseDensity::Student { information, .. } => {
-                (crate::prior::Gaussian { information: *information, ..Default::default() }, 0.0)
+                (crate::math::gaussian::Gaussian { information: *information, ..Default::default() }, 0.0)
             }
         };
         // The same in the camera's axes whatever its heading, or its rotation if that is open.
@@ -159,7 +163,7 @@ impl Sampler {
         let most = eigen.eigenvalues.amax();
         let scale = eigen.eigenvalues.map(|value| if value > least * most { value.sqrt().recip() } else { 0.0 });
         let root = eigen.eigenvectors * Matrix6::from_diagonal(&scale);
-        Self { density, mean: root * (root.transpose() * factor.vector), root }
+        Self { density, mean: root * (root.transpose() * factor.information_vector), root }
     }
 
     /// The pose of some numbers: `uniform` ones from 0 to 1 for what may be any, `normal` ones for the rest.

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use nalgebra::Vector3;
 
-use crate::lanes::{NullaryFnOnce, vectorized};
+use crate::math::lanes::{NullaryFnOnce, vectorized};
 
 /// Directions around a point in each of which its nearest neighbor is looked for: pairs of opposite ones, 45 degrees wide.
 const SECTORS: usize = 8;

@@ -10,7 +10,7 @@ use super::pictures::{LogRatios, directions_of};
 use super::projection::{Pixels, Places, Projection};
 use crate::effort;
 use crate::geometry::pose::Pose;
-use crate::lanes::{NullaryFnOnce, vectorized};
+use crate::math::lanes::{NullaryFnOnce, vectorized};
 
 /// Edges that are looked at by each spread, from wide to narrow, of a cloud all around: those of wide ones overlap, and say the same.
 pub const MOST_EDGES: [usize; SPREADS] = [3_000, 6_000, 12_000, 24_000];

@@ -9,7 +9,7 @@ use crate::effort;
 use crate::geometry::edge_field::{GROUP, ROUNDING};
 use crate::geometry::pose::Pose;
 use crate::geometry::rings::bounding_box;
-use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
+use crate::math::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 use crate::view::border::{edge_before, near_plane};
 
 /// Where on the plane z = 1 of the chart's axes an edge behind the camera is put: beyond every piece. A convention.

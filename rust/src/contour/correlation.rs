@@ -1,6 +1,6 @@
 //! How neighbors on a contour vary together (`docs/math.md`, section 11).
 
-use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
+use crate::math::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 
 /// The least that a sum of neighbors may vary against independent ones: a convention.
 const LEAST_CORRELATION: f64 = 0.2;

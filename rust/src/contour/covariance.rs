@@ -11,7 +11,7 @@ use super::readings::{Contour, Reading};
 use crate::equations::information::{Information, free, honest};
 use crate::equations::normal_equations::{in_lanes, outer_products, turned};
 use crate::geometry::pose::PARAMETERS;
-use crate::lanes::{Lanes, NullaryFnOnce, vectorized};
+use crate::math::lanes::{Lanes, NullaryFnOnce, vectorized};
 
 /// The mean slope over the mean weight at least: below it, the contour does not hold the pose at this scale.
 const LEAST_SLOPE: f64 = 0.1;

@@ -11,7 +11,7 @@ use crate::effort;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::edge_boxes::{Corners, EdgeBoxes};
 use crate::geometry::pose::Pose;
-use crate::prior::Gaussian;
+use crate::math::gaussian::Gaussian;
 use crate::region::WorldRegion;
 
 /// Standard deviation of either end of a shared edge across it, pixels: drawn by hand, on frames of natural scenes.
@@ -182,7 +182,7 @@ impl Crease {
         let weight = (own - all).exp() / (SIGMA * SIGMA) + (other - all).exp() / (WIDE * WIDE);
         for (distance, row) in rows {
             factor.information.ger(weight, &row, &row, 1.0);
-            factor.vector -= row * (weight * distance);
+            factor.information_vector -= row * (weight * distance);
         }
         Gaussian { offset: all, ..factor }
     }

@@ -12,7 +12,7 @@ use super::votes::{Vote, decided, of_counted};
 use crate::effort;
 use crate::equations::normal_equations::NormalEquations;
 use crate::geometry::pose::{Pose, Tangent};
-use crate::prior::Gaussian;
+use crate::math::gaussian::Gaussian;
 
 /// The finest scale, in pixels: pieces of a binary mask's contour scatter by 0.15 to 0.25.
 pub const FINEST_SCALE: f64 = 0.25;
@@ -174,7 +174,7 @@ impl ContourFit {
             let weight = |reading: &Reading| odds.weight(reading);
             contour.add_normal_equations(&self.pose, self.step, readings, weight, &mut equations)?;
             let (information, vector) = (equations.information * factor, equations.gradient * -factor);
-            Some(Gaussian { information, vector, offset: 0.0 })
+            Some(Gaussian { information, information_vector: vector, offset: 0.0 })
         };
         self.regions().zip(contours).map(region).collect()
     }

@@ -4,7 +4,7 @@ use nalgebra::Vector2;
 
 use crate::equations::system::HIGHEST_ORDER;
 use crate::geometry::rings::PlaneRings;
-use crate::lanes::{LANES, Lanes, NullaryFnOnce};
+use crate::math::lanes::{LANES, Lanes, NullaryFnOnce};
 use crate::moments::quadrature::{Node, gauss_legendre};
 
 /// Edges shorter than this, in chart units (the region's area is one), are integrated with one node.

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::geometry::clipping::Clipped;
 use crate::geometry::pose::Pose;
 use crate::geometry::rings::PlaneRings;
-use crate::lanes::{LANES, Lanes, vectorized};
+use crate::math::lanes::{LANES, Lanes, vectorized};
 use crate::mesh::PlaneMesh;
 #[cfg(feature = "mesh")]
 use crate::mesh::even_mesh::even_mesh;

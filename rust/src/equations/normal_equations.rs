@@ -5,7 +5,7 @@ use std::ops::AddAssign;
 use nalgebra::{Matrix6, Rotation3, Vector6};
 
 use crate::geometry::pose::{PARAMETERS, Tangent};
-use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
+use crate::math::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 
 /// Entries of an equation with derivatives: its residual, its derivatives by the left increment, and a zero that makes
 /// them two lane groups.

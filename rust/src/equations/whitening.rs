@@ -5,7 +5,7 @@ use nalgebra::{Vector2, Vector3};
 use crate::equations::boundary_sums::{BoundaryNode, MonomialSums, Sums, boundary_nodes, monomial};
 use crate::equations::system::{HIGHEST_ORDER, MOST_EQUATIONS, PLANE_EXPONENTS, SPHERE_EXPONENTS, System};
 use crate::geometry::rings::PlaneRings;
-use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
+use crate::math::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 use crate::moments::plane::planar_moments;
 use crate::view::chart::Chart;
 

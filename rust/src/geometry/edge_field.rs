@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 use nalgebra::Vector2;
 
 use crate::geometry::rings::bounding_box;
-use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
+use crate::math::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 
 /// Cells along a side of the grid: of a region of some hundred pixels they are as large as the distances that decide a pose.
 const CELLS: usize = 32;

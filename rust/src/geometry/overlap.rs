@@ -18,7 +18,7 @@ use std::ops::Add;
 use crate::effort;
 use crate::geometry::ring_parts::{Edge, Part, Parts, Point, Visitor, greater, lesser, sign};
 use crate::geometry::rings::PlaneRings;
-use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
+use crate::math::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 
 /// Room around a part of a ring, as a share of the largest coordinate: more than heights are rounded by.
 const ROUNDING: f64 = 1e-9;

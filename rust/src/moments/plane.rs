@@ -4,7 +4,7 @@ use nalgebra::Vector2;
 
 use super::quadrature::{Node, gauss_legendre};
 use super::{MAX_ORDER, PlaneMoments, plane_count, plane_index};
-use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
+use crate::math::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 
 /// Moments `integral of x^i y^j dA`, `i + j <= order`, of the region bounded by closed `rings`.
 ///

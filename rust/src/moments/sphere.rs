@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 
 use super::quadrature::{Node, gauss_legendre};
 use super::{MAX_ORDER, SphereMoments, plane_index, sphere_index};
-use crate::lanes::{LANES, Lanes};
+use crate::math::lanes::{LANES, Lanes};
 
 /// A unit vector from the camera's center.
 pub type Bearing = Vector3<f64>;

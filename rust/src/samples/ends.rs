@@ -4,11 +4,11 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::belief::Belief;
 use super::readings::Edge;
-use super::single;
 use super::trust::{Label, Trust};
-use crate::lanes::{NullaryFnOnce, vectorized};
+use crate::math::gaussian::Normal;
+use crate::math::lanes::{NullaryFnOnce, vectorized};
+use crate::math::single_precision;
 
 /// Ends of a stretch.
 pub const ENDS: usize = 2;
@@ -70,7 +70,7 @@ pub struct Beside {
 
 impl Beside {
     /// What the label shows under a belief.
-    pub fn label(&self, belief: &Belief<ENDS>) -> Label {
+    pub fn label(&self, belief: &Normal<ENDS>) -> Label {
         let mean = self.margin + self.weights.dot(&belief.mean);
         let variance = self.weights.dot(&(belief.covariance * self.weights));
         self.trust.label(self.edge, mean, variance + self.variance)
@@ -85,7 +85,7 @@ impl Beside {
 #[derive(Debug, Clone, Copy)]
 pub struct Heard {
     /// Mean and covariance.
-    pub belief: Belief<ENDS>,
+    pub belief: Normal<ENDS>,
     /// Logarithm of the labels' probability.
     pub log_probability: f64,
     /// Whether the last grid was about what it found: if not, neither is of any worth.
@@ -93,7 +93,7 @@ pub struct Heard {
 }
 
 /// What is believed where everything else leaves `before`; looked for about `about` first. `None` where a direction is left free.
-pub fn heard(labels: &[Beside], before: &Belief<ENDS>, about: &Belief<ENDS>) -> Option<Heard> {
+pub fn heard(labels: &[Beside], before: &Normal<ENDS>, about: &Normal<ENDS>) -> Option<Heard> {
     let information = before.covariance.try_inverse()?;
     let mut about = *about;
     let mut found: Option<Heard> = None;
@@ -104,7 +104,7 @@ pub fn heard(labels: &[Beside], before: &Belief<ENDS>, about: &Belief<ENDS>) -> 
             vectorized(Hearing { grid: &grid, labels, mean: &before.mean, information: &information });
         let mean = about.mean + root * scaled.mean;
         let covariance = root * scaled.covariance * root.transpose();
-        about = Belief { mean, covariance };
+        about = Normal { mean, covariance };
         let normalizer = (2.0 * PI).ln() + 0.5 * before.covariance.determinant().ln();
         let is_near = scaled.mean.amax() < NEAR;
         let is_as_wide = (0..ENDS).all(|axis| AS_WIDE.contains(&scaled.covariance[(axis, axis)]));
@@ -133,7 +133,7 @@ struct Hearing<'a> {
 
 impl NullaryFnOnce for Hearing<'_> {
     /// Mean and covariance along the columns, and the logarithm of the integral.
-    type Output = (Belief<ENDS>, f64);
+    type Output = (Normal<ENDS>, f64);
 
     #[inline(always)]
     fn call(self) -> Self::Output {
@@ -204,7 +204,7 @@ impl Grid {
                 }
                 for column in 0..PLACES {
                     let margin = start as f32 + slope.y as f32 * FAR[column] as f32;
-                    products[column] *= least + more * single::cumulative(margin);
+                    products[column] *= least + more * single_precision::cumulative(margin);
                 }
             }
             (since, least_product) = (since + 1, least_product * least);
@@ -227,7 +227,7 @@ fn without_most(logs: &mut Places<f32>) -> f32 {
 fn take(logs: &mut Places<f32>, product: &mut Places<f32>) {
     for (logs, products) in logs.iter_mut().zip(product) {
         for column in 0..PLACES {
-            logs[column] += single::ln(products[column]);
+            logs[column] += single_precision::ln(products[column]);
             products[column] = 1.0;
         }
     }
@@ -236,13 +236,13 @@ fn take(logs: &mut Places<f32>, product: &mut Places<f32>) {
 /// Mean and covariance along the columns, and the sum over all places, of what these are the logarithms of, the greatest of which is
 /// `most`.
 #[inline(always)]
-fn moments(logs: &Places<f64>, most: f64) -> (Belief<ENDS>, f64) {
+fn moments(logs: &Places<f64>, most: f64) -> (Normal<ENDS>, f64) {
     // Over the rows, for each column.
     let (mut sums, mut firsts, mut seconds) = ([0.0_f32; PLACES], [0.0_f32; PLACES], [0.0_f32; PLACES]);
     for (row, logs) in logs.iter().enumerate() {
         let far = FAR[row] as f32;
         for column in 0..PLACES {
-            let weight = single::exp((logs[column] - most) as f32);
+            let weight = single_precision::exp((logs[column] - most) as f32);
             sums[column] += weight;
             firsts[column] += weight * far;
             seconds[column] += weight * far * far;
@@ -259,5 +259,5 @@ fn moments(logs: &Places<f64>, most: f64) -> (Belief<ENDS>, f64) {
     let mean = first / all;
     // A place stands for the area around it.
     let around = Matrix2::identity() * (SPACING * SPACING / 12.0);
-    (Belief { mean, covariance: second / all - mean * mean.transpose() + around }, all)
+    (Normal { mean, covariance: second / all - mean * mean.transpose() + around }, all)
 }

@@ -1,10 +1,10 @@
 //! How likely labels are at a pose that is not refined (`docs/math.md`, eq. 17.3), and how poses compare by theirs (eq. 17.11).
 
-use super::normal::cumulative;
 use super::readings::{Edge, Reading, SampledRegion, Sight};
 use super::trust::{COARSEST, FAR_BLURS, Trust};
 use crate::contour::correlation::sigmas;
 use crate::geometry::pose::Pose;
+use crate::math::normal::cumulative;
 
 /// Blur from which on all samples count, pixels; on the way to it about so many of all regions lead as well.
 pub(crate) const SHARP: f64 = 4.0;

@@ -1,11 +1,9 @@
 //! The pose from samples of regions: how likely they are, and the mean of what they leave possible (`docs/math.md`,
 //! section 17).
 
-pub mod belief;
 pub mod ends;
 pub mod kinds;
 pub mod labels;
-pub mod normal;
 pub mod outline;
 pub mod posterior;
 pub mod propagation;
@@ -13,7 +11,6 @@ pub mod readings;
 pub mod ring;
 pub mod settings;
 pub mod signed_field;
-pub mod single;
 pub mod stretch;
 pub mod telling;
 pub mod trust;

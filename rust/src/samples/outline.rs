@@ -4,12 +4,11 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix6, Vector6};
 
-use super::belief::{INCREMENT, WHOLE};
 use super::kinds::KINDS;
 use super::propagation::Site;
 use super::ring::Ring;
-use super::stretch::{KindView, Stretch};
-use crate::prior::Gaussian;
+use super::stretch::{INCREMENT, KindView, Stretch, WHOLE};
+use crate::math::gaussian::Gaussian;
 
 /// The contour of a region with samples beside it.
 #[derive(Debug, Clone)]
@@ -68,7 +67,7 @@ impl Outline {
     /// Moment matching of its stretches, one by one, where everything else leaves `others`: its message then; `None` where a
     /// direction is left free.
     pub fn sweep(&mut self, others: &Gaussian) -> Option<Gaussian> {
-        let (all, mut factors) = (others.among() + self.grown(), self.factors());
+        let (all, mut factors) = (others.embed() + self.grown(), self.factors());
         let (behind, mut before) = (sums_behind(&factors), all);
         for (number, ring) in self.rings.iter_mut().enumerate() {
             factors[number] = ring.sweep(&(before + behind[number]))?;
@@ -79,8 +78,8 @@ impl Outline {
 
     /// What is believed where everything else leaves `others`; `None` where a direction is left free.
     pub fn view(&mut self, others: &Gaussian) -> Option<View> {
-        let (all, factors) = (others.among() + self.grown(), self.factors());
-        let (_, mut log_probability) = factors.iter().fold(all, |sum, factor| sum + *factor).belief()?;
+        let (all, factors) = (others.embed() + self.grown(), self.factors());
+        let (_, mut log_probability) = factors.iter().fold(all, |sum, factor| sum + *factor).normalize()?;
         let (behind, mut before, mut stretches) = (sums_behind(&factors), all, Vec::new());
         for (number, ring) in self.rings.iter_mut().enumerate() {
             let (views, log_scale) = ring.view(&(before + behind[number]))?;

@@ -2,7 +2,6 @@
 
 use nalgebra::Matrix6;
 
-use super::belief::Belief;
 use super::labels::{ALIKE, Compared, SHARP, first_blur, leading_step};
 use super::readings::SampledRegion;
 use super::settings::{BESIDE, GROWTHS, OFFS, Setting, blurs, shares};
@@ -10,7 +9,7 @@ use super::telling::{Samples, State, WORSE};
 use super::trust::Trust;
 use crate::effort;
 use crate::geometry::pose::{Pose, Tangent};
-use crate::prior::Gaussian;
+use crate::math::gaussian::{Gaussian, Normal};
 
 /// From blur to blur, while some of the samples lead a start: a convention. Those with all samples are in `settings.rs`.
 const STEP: f64 = 0.5;
@@ -93,7 +92,7 @@ pub struct Led {
     pub pose: Pose,
     /// Logarithm of the evidence of the samples that led it.
     pub log_evidence: f64,
-    belief: Belief,
+    belief: Normal,
     trust: Vec<Trust>,
 }
 
@@ -101,7 +100,7 @@ pub struct Led {
 /// `others` gives what else is known at a pose. `None` where a direction is left free.
 pub fn led(regions: &[SampledRegion], others: &impl Fn(&Pose) -> Gaussian, start: &Pose) -> Option<Led> {
     let step = leading_step(regions);
-    let free = Belief { mean: Tangent::zeros(), covariance: Matrix6::zeros() };
+    let free = Normal { mean: Tangent::zeros(), covariance: Matrix6::zeros() };
     let mut samples = Samples::some(regions, others, *start, step);
     let mut state = State { pose: *start, belief: free, log_evidence: f64::NEG_INFINITY, is_settled: false };
     let mut blur = first_blur(regions, start, step);

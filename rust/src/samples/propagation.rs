@@ -3,15 +3,14 @@
 
 use nalgebra::Vector6;
 
-use super::belief::Belief;
 use super::ends::PLACES;
 use super::kinds::KINDS;
-use super::normal::{cumulative, density};
 use super::outline::{Outline, View};
 use super::readings::{Edge, Sight};
 use super::trust::{Label, Trust};
 use crate::effort;
-use crate::prior::Gaussian;
+use crate::math::gaussian::{Gaussian, Normal};
+use crate::math::normal::{cumulative, density};
 
 /// Sweeps over all sites at most.
 pub(super) const SWEEPS: usize = 6;
@@ -124,18 +123,18 @@ impl Site {
     }
 
     /// Mean and variance of the margin under a belief.
-    pub fn margin_under(&self, belief: &Belief) -> (f64, f64) {
+    pub fn margin_under(&self, belief: &Normal) -> (f64, f64) {
         (self.margin + self.slope.dot(&belief.mean), self.slope.dot(&(belief.covariance * self.slope)))
     }
 
     /// What the label shows under a belief.
-    pub fn label(&self, belief: &Belief) -> Label {
+    pub fn label(&self, belief: &Normal) -> Label {
         let (mean, variance) = self.margin_under(belief);
         self.trust.label(self.edge, mean, variance + self.bent)
     }
 
     /// Moment matching of the factor, in place in the belief.
-    fn update(&mut self, belief: &mut Belief) {
+    fn update(&mut self, belief: &mut Normal) {
         let spread = belief.covariance * self.slope;
         let (mean, variance) = (self.margin + self.slope.dot(&belief.mean), self.slope.dot(&spread));
         let before = self.factor;
@@ -164,13 +163,13 @@ impl Site {
     fn factor_into(&self, factor: &mut Gaussian) {
         let Factor { precision, pull } = self.factor;
         factor.information.ger(precision, &self.slope, &self.slope, 1.0);
-        factor.vector += self.slope * (pull - precision * self.margin);
+        factor.information_vector += self.slope * (pull - precision * self.margin);
         factor.offset += self.margin * (pull - 0.5 * precision * self.margin);
     }
 
     /// Logarithm of what the factor is multiplied by so that it integrates, without the site, to the label's
     /// probability.
-    fn log_scale(&self, belief: &Belief) -> f64 {
+    fn log_scale(&self, belief: &Normal) -> f64 {
         let (mean, variance) = self.margin_under(belief);
         let Some((mean_without, variance_without)) = self.factor.left_out(mean, variance) else { return 0.0 };
         let label = Tilted::new(mean_without, variance_without + self.bent, &self.trust, self.edge).log_probability;
@@ -191,7 +190,7 @@ impl Factor {
 #[derive(Debug, Clone)]
 pub struct Propagated {
     /// Of the increment.
-    pub belief: Belief,
+    pub belief: Normal,
     /// Of the increment and what each contour is off; none of samples by themselves.
     pub views: Vec<View>,
     /// Logarithm of the evidence; of no worth where sweeps did not settle.
@@ -217,7 +216,7 @@ pub fn propagated<S: AsRef<Site>>(
     let mut messages: Vec<Gaussian> = outlines.iter().map(Outline::message).collect();
     let sum = |messages: &[Gaussian]| messages.iter().fold(*others, |sum, message| sum + *message);
     let mut all = sum(&messages) + *guard;
-    let mut belief = all.belief()?.0;
+    let mut belief = all.normalize()?.0;
     outlines.iter_mut().for_each(|outline| outline.take_labels(sites, &belief.covariance));
     let mut moved = f64::INFINITY;
     for _ in 0..SWEEPS {
@@ -230,18 +229,18 @@ pub fn propagated<S: AsRef<Site>>(
         }
         // Anew from all messages: differences' rounding errors add up.
         all = sum(&messages);
-        belief = all.belief()?.0;
+        belief = all.normalize()?.0;
         moved = far(&belief, &before)?;
         if moved < SETTLED {
             break;
         }
     }
-    let (belief, integral) = all.belief()?;
+    let (belief, integral) = all.normalize()?;
     let views = outlines.iter_mut().zip(&messages).map(|(outline, message)| outline.view(&(all - *message)));
     let views: Vec<View> = views.collect::<Option<_>>()?;
     let log_evidence = integral + views.iter().map(|view| view.log_probability - integral).sum::<f64>();
     // No labels are likelier than certain ones: where factors have run away, the evidence may be any number.
-    let (_, of_certain) = others.belief()?;
+    let (_, of_certain) = others.normalize()?;
     if log_evidence > of_certain + APPROXIMATE {
         return None;
     }
@@ -260,19 +259,19 @@ pub fn propagated_apart<S: AsMut<Site> + AsRef<Site>>(
         sites.iter().for_each(|site| site.as_ref().factor_into(&mut all));
         all
     };
-    let mut belief = (product(sites) + *guard).belief()?.0;
+    let mut belief = (product(sites) + *guard).normalize()?.0;
     let mut moved = f64::INFINITY;
     for _ in 0..SWEEPS {
         count_sweep(sites.len())?;
         let before = belief.mean;
         sites.iter_mut().for_each(|site| site.as_mut().update(&mut belief));
-        belief = product(sites).belief()?.0;
+        belief = product(sites).normalize()?.0;
         moved = far(&belief, &before)?;
         if moved < SETTLED {
             break;
         }
     }
-    let (belief, integral) = product(sites).belief()?;
+    let (belief, integral) = product(sites).normalize()?;
     let log_evidence = integral + sites.iter().map(|site| site.as_ref().log_scale(&belief)).sum::<f64>();
     Some(Propagated { belief, views: Vec::new(), log_evidence, is_settled: moved < LOST })
 }
@@ -284,7 +283,7 @@ fn count_sweep(sites: usize) -> Option<()> {
 }
 
 /// How far a mean has moved, in standard deviations; `None` where a direction is left free.
-fn far(belief: &Belief, before: &Vector6<f64>) -> Option<f64> {
+fn far(belief: &Normal, before: &Vector6<f64>) -> Option<f64> {
     let way = belief.mean - before;
     Some(way.dot(&belief.covariance.cholesky()?.solve(&way)).sqrt())
 }

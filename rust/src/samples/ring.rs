@@ -4,11 +4,10 @@ use std::f64::consts::PI;
 
 use nalgebra::{SMatrix, Vector2};
 
-use super::belief::{Belief, WHOLE};
 use super::ends::ENDS;
 use super::kinds::{KINDS, Kinds, log_probability};
-use super::stretch::{KindView, Stretch};
-use crate::prior::Gaussian;
+use super::stretch::{KindView, Stretch, WHOLE};
+use crate::math::gaussian::{Gaussian, Normal};
 
 /// Components of a corner: how far it is off along the axes of the contour's plane, pixels.
 const CORNER: usize = 2;
@@ -84,14 +83,14 @@ impl Ring {
     fn one_by_one(
         &mut self,
         others: &Gaussian<WHOLE>,
-        mut visit: impl FnMut(&mut Stretch, &Belief<ENDS>, &[f64; KINDS]) -> Option<()>,
+        mut visit: impl FnMut(&mut Stretch, &Normal<ENDS>, &[f64; KINDS]) -> Option<()>,
     ) -> Option<Gaussian<WHOLE>> {
         let behind = self.behind();
         let mut before = self.start(others);
         let mut kinds = Kinds::new(&self.stretches);
         for (number, behind) in behind.iter().enumerate() {
             if !self.stretches[number].members.is_empty() {
-                let all = self.ended(number, &before) + behind.among().turned();
+                let all = self.ended(number, &before) + turned(behind.embed());
                 let seen = self.seen(number, &all)?;
                 visit(&mut self.stretches[number], &seen, &kinds.others(number))?;
             }
@@ -103,17 +102,17 @@ impl Ring {
 
     /// What `others` and the corner that closes the ring say where the first stretch begins.
     fn start(&self, others: &Gaussian<WHOLE>) -> Gaussian<BEGUN> {
-        others.among() + self.corner(WHOLE) + self.corner(CLOSED)
+        others.embed() + self.corner(WHOLE) + self.corner(CLOSED)
     }
 
     /// The same after a stretch, with what it and the corner where it ends say.
     fn ended(&self, number: usize, before: &Gaussian<BEGUN>) -> Gaussian<ENDED> {
-        before.among() + self.stretch(number)
+        before.embed() + self.stretch(number)
     }
 
     /// The same where the next stretch begins.
     fn passed(&self, number: usize, before: &Gaussian<BEGUN>) -> Gaussian<BEGUN> {
-        self.ended(number, before).turned().marginal()
+        turned(self.ended(number, before)).marginal()
     }
 
     /// What is said behind each stretch, of the corner where it ends and of what all have in common.
@@ -122,7 +121,7 @@ impl Ring {
         let mut last = Gaussian::<BEGUN>::default();
         for number in (0..self.stretches.len()).rev() {
             behind.push(last);
-            last = (self.stretch(number) + last.among().turned()).marginal();
+            last = (self.stretch(number) + turned(last.embed())).marginal();
         }
         behind.reverse();
         behind
@@ -130,9 +129,14 @@ impl Ring {
 
     /// What a stretch says, and the corner where it ends.
     fn stretch(&self, number: usize) -> Gaussian<ENDED> {
-        let (ends, Gaussian { information, vector, .. }) = (self.ends(number), self.stretches[number].known.message);
+        let (ends, Gaussian { information, information_vector, .. }) =
+            (self.ends(number), self.stretches[number].known.message);
         let back = ends.transpose();
-        let message = Gaussian { information: back * information * ends, vector: back * vector, offset: 0.0 };
+        let message = Gaussian {
+            information: back * information * ends,
+            information_vector: back * information_vector,
+            offset: 0.0,
+        };
         message + self.corner(BEGUN)
     }
 
@@ -150,11 +154,11 @@ impl Ring {
     }
 
     /// Where the ends of a stretch lie under all that is said; `None` where a direction is left free.
-    fn seen(&self, number: usize, all: &Gaussian<ENDED>) -> Option<Belief<ENDS>> {
+    fn seen(&self, number: usize, all: &Gaussian<ENDED>) -> Option<Normal<ENDS>> {
         let (ends, root) = (self.ends(number), all.information.cholesky()?);
         let across = root.l_dirty().solve_lower_triangular(&ends.transpose())?;
         let covariance = across.transpose() * across + SMatrix::identity() * UNKNOWN.powi(2);
-        Some(Belief { mean: ends * root.solve(&all.vector), covariance })
+        Some(Normal { mean: ends * root.solve(&all.information_vector), covariance })
     }
 
     /// The density of the corner whose components begin there.
@@ -166,14 +170,7 @@ impl Ring {
     }
 }
 
-impl Gaussian<ENDED> {
-    /// The same with the corners where a stretch begins and where it ends in each other's place.
-    fn turned(mut self) -> Self {
-        for component in CLOSED..BEGUN {
-            self.information.swap_rows(component, component + CORNER);
-            self.information.swap_columns(component, component + CORNER);
-            self.vector.swap_rows(component, component + CORNER);
-        }
-        self
-    }
+/// The same with the corners where a stretch begins and where it ends in each other's place.
+fn turned(factor: Gaussian<ENDED>) -> Gaussian<ENDED> {
+    factor.swap_components(CLOSED, BEGUN, CORNER)
 }

@@ -1,15 +1,18 @@
 //! A stretch of an observed contour, which may be disturbed, and the samples beside it (`docs/math.md`, eq. 17.4).
 
-use std::f64::consts::PI;
-
 use nalgebra::{Matrix2, Matrix6, SMatrix, Vector2, Vector6};
 
-use super::belief::{Belief, INCREMENT, WHOLE};
 use super::ends::{Beside, ENDS, Heard, heard};
 use super::kinds::{KINDS, Kind};
 use super::propagation::Site;
 use super::trust::Label;
-use crate::prior::Gaussian;
+use crate::math::gaussian::{Gaussian, Normal};
+
+/// Components of an increment.
+pub const INCREMENT: usize = 6;
+
+/// The same and by how many pixels a region's contour lies outside of its samples all around, its growth.
+pub const WHOLE: usize = INCREMENT + 1;
 
 /// How much less it counts, a sample, that both ends of a stretch move apart: of samples at one place along it, both move alike.
 const APART: f64 = 1e-6;
@@ -48,16 +51,16 @@ pub struct Known {
     /// The factor of the ends that stands for all labels, but for a multiple.
     pub(super) message: Gaussian<ENDS>,
     /// Where the ends lie for each kind.
-    found: [Option<Belief<ENDS>>; KINDS],
+    found: [Option<Normal<ENDS>>; KINDS],
 }
 
 /// What is believed of a stretch of one kind.
 #[derive(Debug, Clone, Copy)]
 pub struct KindView {
     /// Of its ends, off as they are.
-    pub belief: Belief<ENDS>,
+    pub belief: Normal<ENDS>,
     /// Of the same where the contour was not off.
-    clean: Belief<ENDS>,
+    clean: Normal<ENDS>,
     /// Mean square of the offsets of both ends.
     pub square: f64,
     /// Logarithm of the probability of its labels.
@@ -111,16 +114,16 @@ impl Stretch {
     }
 
     /// What everything else leaves of where its ends are seen; `None` where a direction is left free.
-    fn rest(&self, seen: &Belief<ENDS>) -> Option<Belief<ENDS>> {
-        Some((seen.factor()? - self.known.message).belief()?.0)
+    fn rest(&self, seen: &Normal<ENDS>) -> Option<Normal<ENDS>> {
+        Some((seen.density()? - self.known.message).normalize()?.0)
     }
 
     /// What is believed of each kind where everything else leaves `rest` of the ends.
-    fn views(&mut self, rest: &Belief<ENDS>) -> Option<[KindView; KINDS]> {
+    fn views(&mut self, rest: &Normal<ENDS>) -> Option<[KindView; KINDS]> {
         let mut views = Vec::with_capacity(KINDS);
         for (kind, found) in self.kinds.iter().zip(&mut self.known.found) {
             let square = Matrix2::identity() * kind.off.powi(2);
-            let before = Belief { covariance: rest.covariance + square, ..*rest };
+            let before = Normal { covariance: rest.covariance + square, ..*rest };
             let Heard { belief, log_probability, is_settled } = heard(&self.labels, &before, &found.unwrap_or(before))?;
             *found = Some(belief);
             // What the ends show is shared by pose and offsets as far as each is uncertain.
@@ -133,7 +136,7 @@ impl Stretch {
             let (moved, covariance) = shared(&rest.covariance);
             let (off, around) = shared(&square);
             let square = 0.5 * (off.norm_squared() + around.trace());
-            let clean = Belief { mean: rest.mean + moved, covariance };
+            let clean = Normal { mean: rest.mean + moved, covariance };
             views.push(KindView { belief, clean, square, log_probability, is_settled });
         }
         views.try_into().ok()
@@ -150,25 +153,25 @@ impl Stretch {
 
     /// Moment matching: the factor that makes of what the others leave of its ends, seen there, the mean and, but where it is
     /// wider, the covariance of all kinds together.
-    pub(super) fn update(&mut self, seen: &Belief<ENDS>, others: &[f64; KINDS]) -> Option<()> {
+    pub(super) fn update(&mut self, seen: &Normal<ENDS>, others: &[f64; KINDS]) -> Option<()> {
         let rest = self.rest(seen)?;
         let views = self.views(&rest)?;
         self.judge(&views, others);
         let parts = || self.known.odds.iter().zip(&views);
         let mean: Vector2<f64> = parts().map(|(odds, view)| view.clean.mean * *odds).sum();
-        let spread = |part: &Belief<ENDS>| part.covariance + (part.mean - mean) * (part.mean - mean).transpose();
+        let spread = |part: &Normal<ENDS>| part.covariance + (part.mean - mean) * (part.mean - mean).transpose();
         let covariance: Matrix2<f64> = parts().map(|(odds, view)| spread(&view.clean) * *odds).sum();
-        let message = rest.factor()?.to(&mean, &covariance)?;
-        let is_finite = message.information.iter().chain(&message.vector).all(|entry| entry.is_finite());
+        let message = matching(&rest.density()?, &mean, &covariance)?;
+        let is_finite = message.information.iter().chain(&message.information_vector).all(|entry| entry.is_finite());
         is_finite.then(|| self.known.message = message)
     }
 
     /// What is believed of each kind where its ends are seen there, and the logarithm of what its factor is divided by so that it
     /// integrates to 1 with everything else.
-    pub(super) fn view(&mut self, seen: &Belief<ENDS>, others: &[f64; KINDS]) -> Option<([KindView; KINDS], f64)> {
+    pub(super) fn view(&mut self, seen: &Normal<ENDS>, others: &[f64; KINDS]) -> Option<([KindView; KINDS], f64)> {
         let rest = self.rest(seen)?;
         let views = self.views(&rest)?;
-        let (_, log_integral) = (rest.factor()? + self.known.message).belief()?;
+        let (_, log_integral) = (rest.density()? + self.known.message).normalize()?;
         self.judge(&views, others);
         Some((views, log_integral))
     }
@@ -185,31 +188,18 @@ impl Stretch {
     /// What it is known by from a pose that lies farther by an increment.
     pub(super) fn moved(&mut self, increment: &Vector6<f64>) {
         let way = self.ends.fixed_columns::<INCREMENT>(0) * increment;
-        self.known.message.vector -= self.known.message.information * way;
+        self.known.message.information_vector -= self.known.message.information * way;
         self.known.found.iter_mut().flatten().for_each(|belief| belief.mean -= way);
     }
 }
 
-impl<const D: usize> Belief<D> {
-    /// Its density.
-    fn factor(&self) -> Option<Gaussian<D>> {
-        let root = self.covariance.cholesky()?;
-        let (information, vector) = (root.inverse(), root.solve(&self.mean));
-        let determinant: f64 = root.l_dirty().diagonal().map(f64::ln).sum();
-        let offset = -0.5 * self.mean.dot(&vector) - determinant - 0.5 * D as f64 * (2.0 * PI).ln();
-        Some(Gaussian { information, vector, offset })
-    }
-}
-
-impl Gaussian<ENDS> {
-    /// The factor that makes of this one a mean and a covariance, but along no axis a wider one: there it says nothing.
-    fn to(&self, mean: &Vector2<f64>, covariance: &Matrix2<f64>) -> Option<Self> {
-        // Along the axes in which this one is of one size.
-        let root = self.information.cholesky()?.unpack();
-        let mut eigen = (root.transpose() * covariance * root).try_symmetric_eigen(f64::EPSILON, MOST_ROTATIONS)?;
-        eigen.eigenvalues.apply(|ratio| *ratio = (1.0 / *ratio - 1.0).max(0.0));
-        let information = root * eigen.recompose() * root.transpose();
-        let vector = (information + self.information) * mean - self.vector;
-        Some(Self { information, vector, offset: 0.0 })
-    }
+/// The factor that makes of a density one with this mean and covariance, but along no axis a wider one: there it says nothing.
+fn matching(density: &Gaussian<ENDS>, mean: &Vector2<f64>, covariance: &Matrix2<f64>) -> Option<Gaussian<ENDS>> {
+    // Along the axes in which the density is of one size.
+    let root = density.information.cholesky()?.unpack();
+    let mut eigen = (root.transpose() * covariance * root).try_symmetric_eigen(f64::EPSILON, MOST_ROTATIONS)?;
+    eigen.eigenvalues.apply(|ratio| *ratio = (1.0 / *ratio - 1.0).max(0.0));
+    let information = root * eigen.recompose() * root.transpose();
+    let information_vector = (information + density.information) * mean - density.information_vector;
+    Some(Gaussian { information, information_vector, offset: 0.0 })
 }

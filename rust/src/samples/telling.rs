@@ -4,7 +4,6 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix6, Vector6};
 
-use super::belief::Belief;
 use super::kinds::{KINDS, Kind};
 use super::labels::{leading_step, log_likelihood};
 use super::outline::{Outline, View};
@@ -17,7 +16,7 @@ use super::trust::{FAR_BLURS, FAR_OFF, Label, Shown, Trust};
 use crate::contour::fit::size;
 use crate::effort;
 use crate::geometry::pose::{Pose, Tangent};
-use crate::prior::Gaussian;
+use crate::math::gaussian::{Gaussian, Normal};
 
 /// The finest blur of single labels, pixels: a quarter of what contours of binary masks scatter by, most of which neighbors share. With
 /// 0.25 px, the ellipsoid of 90 % holds 6 of 20 poses from rows along sides (`cargo test sampled::`).
@@ -109,7 +108,7 @@ pub(super) struct Samples<'a, F> {
 #[derive(Clone, Copy)]
 pub(super) struct State {
     pub(super) pose: Pose,
-    pub(super) belief: Belief,
+    pub(super) belief: Normal,
     pub(super) log_evidence: f64,
     /// Whether the sweeps that led there settled: if not, the evidence is of no worth.
     pub(super) is_settled: bool,
@@ -209,8 +208,8 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
     }
 
     /// Keeps the samples that tell something under a belief.
-    fn sort(&mut self, mut seen: Vec<Telling>, belief: &Belief, blur: f64) {
-        let belief = Belief { mean: Tangent::zeros(), ..*belief };
+    fn sort(&mut self, mut seen: Vec<Telling>, belief: &Normal, blur: f64) {
+        let belief = Normal { mean: Tangent::zeros(), ..*belief };
         let margin = |telling: &Telling| {
             let (mean, variance) = telling.site.margin_under(&belief);
             (mean, (blur * blur + variance).sqrt())
@@ -298,7 +297,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
     }
 
     /// What all labels show of each region under what is believed of its contour, or of the increment alone.
-    fn shown(&self, belief: &Belief, views: &[View]) -> Vec<Shown> {
+    fn shown(&self, belief: &Normal, views: &[View]) -> Vec<Shown> {
         let mut shown = self.certain.clone();
         if !self.joined {
             self.telling.iter().for_each(|telling| shown[telling.region].add(&telling.site.label(belief), true));
@@ -341,7 +340,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
     }
 
     /// How far labels are to be trusted as a belief shows it, with what was expected beforehand.
-    fn learn_trust(&mut self, belief: &Belief, views: &[View]) {
+    fn learn_trust(&mut self, belief: &Normal, views: &[View]) {
         let shown = self.shown(belief, views);
         self.trust.iter_mut().zip(&shown).for_each(|(trust, shown)| *trust = trust.learned(shown));
     }
@@ -349,7 +348,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Samples<'a, F> {
     /// Share of each region's samples near its contour, as near as disturbed parts reach, that lie on its wrong side at
     /// a pose.
     pub(super) fn wrong(&self, state: &State, setting: Setting) -> Vec<f64> {
-        let belief = Belief { mean: Tangent::zeros(), ..state.belief };
+        let belief = Normal { mean: Tangent::zeros(), ..state.belief };
         let share = |(region, sampled): (usize, &SampledRegion)| {
             let trust = self.trust[region];
             let (mut wrong, mut near) = (0.0, 0.0);
@@ -479,7 +478,7 @@ fn regressed(site: &Site, margins: &[[f64; 2]; 6], inverse_root: &Matrix6<f64>) 
 fn anchor(start: &Pose, pose: &Pose) -> Gaussian {
     let distance = start.translation.norm();
     let [turn, way] = [ANCHOR, ANCHOR * distance];
-    Gaussian::normal(&pose.increment_to(start), &Vector6::new(turn, turn, turn, way, way, way))
+    Gaussian::from_sigmas(&pose.increment_to(start), &Vector6::new(turn, turn, turn, way, way, way))
 }
 
 /// An increment no longer than the longest step.

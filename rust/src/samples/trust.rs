@@ -1,7 +1,7 @@
 //! How far labels are trusted, and what they show of it (`docs/math.md`, eq. 17.2 to 17.4).
 
-use super::normal::cumulative;
 use super::readings::{Edge, Reading};
+use crate::math::normal::cumulative;
 
 /// The coarsest blur, pixels.
 pub(super) const COARSEST: f64 = 64.0;

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use crate::contour::fit::{ContourFit, FINEST_SCALE};
 use crate::contour::readings::Contour;
 use crate::geometry::pose::Pose;
-use crate::prior::Gaussian;
+use crate::math::gaussian::Gaussian;
 
 /// What contours without samples show at a pose, by the pieces that vary independently (`docs/math.md`, eq. 11.5).
 pub(super) fn outlines(contours: &[Contour], pose: &Pose) -> Gaussian {

@@ -4,8 +4,8 @@ use nalgebra::{Matrix6, Vector3, Vector6};
 
 use crate::equations::information::honest;
 use crate::geometry::pose::{PARAMETERS, Tangent};
+use crate::math::gaussian::Gaussian;
 use crate::options::FrameSigma;
-use crate::prior::Gaussian;
 
 /// What each region of a scan is off beside the error of the whole, over that: 0.73 px, the scatter within frames of the offsets of
 /// `FrameSigma::default`.
@@ -110,7 +110,7 @@ impl Region {
     fn new(factor: &Gaussian, unit: &Vector6<f64>) -> Self {
         let scaled = factor.information.component_mul(&(unit * unit.transpose()));
         let eigen = ((scaled + scaled.transpose()) * 0.5).symmetric_eigen();
-        let along = eigen.eigenvectors.transpose() * factor.vector.component_mul(unit);
+        let along = eigen.eigenvectors.transpose() * factor.information_vector.component_mul(unit);
         // Samples that contradict one another along an axis say nothing there, nor any of poses that are other places.
         let most = ANOTHER_PLACE / unit[0];
         let along = along.zip_map(&eigen.eigenvalues, |along, value| {

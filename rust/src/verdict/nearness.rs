@@ -3,8 +3,8 @@
 use nalgebra::Matrix6;
 
 use super::weakness::principal;
+use crate::math::normal::{cumulative, density};
 use crate::moments::quadrature::{Node, gauss_legendre};
-use crate::samples::normal::{cumulative, density};
 
 /// Rotation, degrees, within which a pose is right: a convention.
 pub(super) const RIGHT: f64 = 5.0;

@@ -4,7 +4,7 @@ use nalgebra::{Rotation3, Vector2, Vector3};
 
 use crate::error::{Error, Result};
 use crate::geometry::rings::PlaneRings;
-use crate::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
+use crate::math::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 use crate::moments::plane::planar_moments;
 use crate::view::bearing_rings::{Bearing, BearingRings, turn_onto_z};
 

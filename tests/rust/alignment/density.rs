@@ -309,7 +309,7 @@ fn draws_about_a_pose_are_those_of_all_that_is_known() {
     let covariance = factor.information.try_inverse().unwrap();
     let (mean, squares) = moments(&drawn.iter().map(|pose| base.increment_to(pose)).collect::<Vec<_>>());
     let root = covariance.cholesky().unwrap().l();
-    let off = root.solve_lower_triangular(&(mean - covariance * factor.vector)).unwrap();
+    let off = root.solve_lower_triangular(&(mean - covariance * factor.information_vector)).unwrap();
     assert!(off.amax() < ERRORS / (DRAWS as f64).sqrt(), "{off}");
     let inverse = root.try_inverse().unwrap();
     assert!((inverse * squares * inverse.transpose() - Matrix6::identity()).amax() < spread());

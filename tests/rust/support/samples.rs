@@ -7,7 +7,7 @@ use super::scene::Layout;
 use regionpose::WorldRegion;
 use regionpose::geometry::pose::Tangent;
 use regionpose::geometry::rings::PlaneRings;
-use regionpose::prior::Gaussian;
+use regionpose::math::gaussian::Gaussian;
 use regionpose::samples::propagation::Site;
 use regionpose::samples::readings::{Edge, Sight};
 use regionpose::samples::trust::Trust;
@@ -47,5 +47,5 @@ pub fn site(slope: Vector6<f64>, outwards: f64, margin: f64, trust: Trust) -> Si
 
 /// A normal prior of this deviation in all directions.
 pub fn prior(deviation: f64) -> Gaussian {
-    Gaussian::normal(&Tangent::zeros(), &Vector6::repeat(deviation))
+    Gaussian::from_sigmas(&Tangent::zeros(), &Vector6::repeat(deviation))
 }
