@@ -27,7 +27,7 @@ from benchmarks.synthetic import (
 
 Array = NDArray[np.float64]
 
-DATA = Path(__file__).parents[2].parent / "shared" / "data"
+DATA = Path(__file__).parents[4] / "shared" / "data"
 
 REGIONS = 8
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from regionpose.cameras import Camera, FisheyeCamera, OcamCamera, PinholeCamera, UnifiedCamera
 from regionpose.io.calibrations import CalibrationError, load_camera, load_lidar_pose
 
-SAMPLES = Path(__file__).parent / "samples"
-DATA = Path(__file__).parents[2].parent / "shared" / "data"
+SAMPLES = Path(__file__).parents[1] / "samples"
+DATA = Path(__file__).parents[4] / "shared" / "data"
 
 EXPECTED = [
     (

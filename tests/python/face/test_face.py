@@ -210,7 +210,7 @@ def test_warnings_carry_their_regions_and_values() -> None:
 
 def test_the_document_lists_the_public_names() -> None:
     """Names in docs/reference/api.md, each of which gets its page; and nothing else is handed out."""
-    document = (Path(__file__).resolve().parents[2] / "docs" / "reference" / "api.md").read_text(encoding="utf-8")
+    document = (Path(__file__).resolve().parents[3] / "docs" / "reference" / "api.md").read_text(encoding="utf-8")
     face, kernels_part = document.split("## Kernels")
     for text, module, unlisted in ((face, rp, {"__version__", "kernels"}), (kernels_part, kernels, set[str]())):
         named = re.findall(r"^   (\w+)$", text, re.MULTILINE)

@@ -468,7 +468,7 @@ def test_warnings_name_their_regions_whatever_these_are_called() -> None:
 
 
 def test_the_documents_example_is_a_scene(tmp_path: Path) -> None:
-    document = Path(__file__).resolve().parents[2] / "docs" / "scene-file.md"
+    document = Path(__file__).resolve().parents[3] / "docs" / "scene-file.md"
     example = document.read_text(encoding="utf-8").partition("```yaml\n")[2].partition("```")[0]
     assert [region.name for region in load_scene(write(tmp_path, example)).model.regions] == ["door", "sign", "window"]
 

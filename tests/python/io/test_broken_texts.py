@@ -16,7 +16,7 @@ from regionpose.io.text_error import TextError
 from regionpose.scene import load_scene
 from scene_files import scene_values
 
-SAMPLES = Path(__file__).parent / "samples"
+SAMPLES = Path(__file__).parents[1] / "samples"
 OPENCV = (SAMPLES / "opencv.yml").read_text(encoding="utf-8")
 KALIBR = (SAMPLES / "kalibr_camchain.yaml").read_text(encoding="utf-8")
 

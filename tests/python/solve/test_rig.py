@@ -32,7 +32,7 @@ from scipy.spatial.transform import Rotation
 from benchmarks.synthetic import fisheye_scene, pose_errors, squares_on_mask
 
 Array = NDArray[np.float64]
-DATA = Path(__file__).parents[2].parent / "shared" / "data"
+DATA = Path(__file__).parents[4] / "shared" / "data"
 
 SIGMAS = 3.0
 """Standard deviations that an estimate may be off by."""

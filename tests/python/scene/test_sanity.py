@@ -21,7 +21,7 @@ from regionpose.scene.input_checks import check_camera, unit_remark
 from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH, scene_values, write_scene
 
 DEMO = Path(demo_scene.__file__).parent / "files"
-SHARED = Path(__file__).parents[2].parent / "shared" / "data"
+SHARED = Path(__file__).parents[4] / "shared" / "data"
 
 
 def codes(path: Path) -> set[str]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 CRATE = ROOT / "rust" / "src"
 BINDINGS = ROOT / "rust" / "bindings" / "src"
 PACKAGE = ROOT / "python" / "regionpose"

@@ -13,7 +13,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from regionpose.cameras import Camera, FisheyeCamera, FovCamera, OcamCamera, PinholeCamera, UnifiedCamera
 
-DATA = Path(__file__).parents[2].parent / "shared" / "data"
+DATA = Path(__file__).parents[4] / "shared" / "data"
 WIDTH, HEIGHT = 1280, 960
 CENTER = (640.25, 479.5)
 

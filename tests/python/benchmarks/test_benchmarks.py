@@ -15,7 +15,7 @@ from benchmarks.stages import drawn, stages
 from benchmarks.synthetic.studies import Study
 from benchmarks.workers import comparable, timed, ways
 
-BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
+BENCHMARKS = Path(__file__).resolve().parents[3] / "benchmarks"
 OPTIONAL = ("cv2", "poselib")
 
 

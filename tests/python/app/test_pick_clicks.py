@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from regionpose.scene.verdict import TRUSTED
 
-DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
+DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
 NATURAL = DATA / "natural"
 
 MOST_CLICKS = 20
@@ -18,7 +18,7 @@ MOST_CLICKS = 20
 @pytest.mark.skipif(not NATURAL.is_dir(), reason="needs the real scenes, beside the checkout")
 @pytest.mark.parametrize("frame", ["kitti_000741", "kitti_002966"])
 def test_clicks_on_a_street_lead_to_a_trusted_pose(frame: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "benchmarks"))
+    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[3] / "benchmarks"))
     row = importlib.import_module("picking").picked(NATURAL / frame, tmp_path)
     assert row.level == TRUSTED and row.clicks <= MOST_CLICKS
     assert row.rotation_deg < 1.0 and row.center_m < 0.5

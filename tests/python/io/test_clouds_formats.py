@@ -32,7 +32,7 @@ from hypothesis import strategies as st
 from regionpose.io.clouds import MissingExtraError, e57, las, pieces, read_cloud, write_ply
 from regionpose.io.clouds.lzf import decompress, decompress_in_python
 
-DATA = Path(__file__).parents[2].parent / "shared" / "data"
+DATA = Path(__file__).parents[4] / "shared" / "data"
 
 
 @pytest.mark.parametrize(

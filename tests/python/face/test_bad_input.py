@@ -17,7 +17,7 @@ from regionpose import _core, kernels
 
 from benchmarks.synthetic import load_templates
 
-SAMPLES = Path(__file__).parent / "samples"
+SAMPLES = Path(__file__).parents[1] / "samples"
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 MARKS = np.zeros(4, dtype=np.bool_)
 LIFTED = np.column_stack([SQUARE, np.ones(4)])

@@ -13,7 +13,7 @@ from regionpose.cli.app import app
 from regionpose.io.exports import FORMATS
 from regionpose.scene.verdict import DOUBTS
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 REFERENCE = ROOT / "docs" / "reference"
 
 RUST_CODE = re.compile(r'Self::\w+(?: \{ \.\. \})? => "([a-z-]+)"')

@@ -16,7 +16,7 @@ from regionpose.cli import main
 from regionpose.cli.info import file_facts
 from scene_files import write_scene
 
-SAMPLES = Path(__file__).parent / "samples"
+SAMPLES = Path(__file__).parents[1] / "samples"
 LABELS = np.repeat(np.arange(4, dtype=np.uint8), 30).reshape(10, 12)
 PHOTO = np.random.default_rng(0).integers(0, 256, (10, 12, 3), dtype=np.uint8)
 XYZ = "".join(f"{x} {y} {z}\n" for x, y, z in POINTS)

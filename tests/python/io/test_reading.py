@@ -29,8 +29,8 @@ from regionpose.scene import SceneError, load_scene, scene_sides
 from regionpose.scene.sensors import read_picture
 from scene_files import scene_values, write_scene
 
-ROOT = Path(__file__).parents[2]
-SAMPLES = Path(__file__).parent / "samples"
+ROOT = Path(__file__).parents[3]
+SAMPLES = Path(__file__).parents[1] / "samples"
 
 
 def npy(array: object) -> bytes:
