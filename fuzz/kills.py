@@ -23,7 +23,7 @@ from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
-sys.path.append(str(Path(__file__).parents[1] / "tests" / "python"))
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "python" / "support"))
 
 from regionpose.cli import main as command
 from regionpose.io.outputs import text_writer, write_files

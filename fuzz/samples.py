@@ -19,7 +19,7 @@ from PIL import Image
 from regionpose.io.yaml_text import to_yaml
 
 # What writes bags is the tests'.
-sys.path.append(str(Path(__file__).parents[1] / "tests" / "python"))
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "python" / "support"))
 from bag_files import filled, livox_bag
 from bare_rows import scanned_rows
 from calibration_files import FILES as CAMERAS
