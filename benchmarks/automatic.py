@@ -110,7 +110,7 @@ def solved(
     seconds, estimate = time.perf_counter() - start, found.estimate
     deg = m = sigmas = None
     if truth is not None:
-        way = estimate.pose.increment_to(truth)
+        way = estimate.pose.local_coordinates(truth)
         deg = float(np.degrees((estimate.pose.rotation * truth.rotation.inv()).magnitude()))
         m = float(np.linalg.norm(estimate.pose.camera_center - truth.camera_center))
         # The error's length in the directions of its own, as a standard deviation along it.

@@ -91,7 +91,7 @@ def direction(rng: np.random.Generator) -> Array:
 def sigmas_from(estimate: rp.PoseEstimate, pose: rp.Pose, deg: float, m: float) -> float:
     """How far an estimate is from a pose of such deviations, in standard deviations of both."""
     covariance = estimate.covariance + np.diag(np.square(np.repeat([np.radians(deg), m], 3)))
-    way = estimate.pose.increment_to(pose)
+    way = estimate.pose.local_coordinates(pose)
     return float(np.sqrt(way @ np.linalg.solve(covariance, way)))
 
 

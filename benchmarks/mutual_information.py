@@ -128,7 +128,7 @@ def disturbed(pose: rp.Pose, degrees: float, meters: float, seed: int) -> rp.Pos
     """The pose turned and shifted by so much in random directions."""
     directions = np.random.default_rng(seed).normal(size=(2, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    return pose.moved(np.concatenate([np.radians(degrees) * directions[0], meters * directions[1]]))
+    return pose.retract(np.concatenate([np.radians(degrees) * directions[0], meters * directions[1]]))
 
 
 def measure(frame: Frame, feature: Feature) -> Callable[[rp.Pose], tuple[float, int]]:
@@ -156,7 +156,7 @@ def aligned(at: Callable[[rp.Pose], tuple[float, int]], start: rp.Pose) -> rp.Po
     least = LEAST_SHARE * at(start)[1]
 
     def loss(steps: Array) -> float:
-        value, count = at(start.moved(steps * STEP))
+        value, count = at(start.retract(steps * STEP))
         return -value if count >= least else 0.0
 
     simplex = np.vstack([np.zeros(6), np.eye(6)])
@@ -166,7 +166,7 @@ def aligned(at: Callable[[rp.Pose], tuple[float, int]], start: rp.Pose) -> rp.Po
         method="Nelder-Mead",
         options={"initial_simplex": simplex, "xatol": STEP_PRECISION, "fatol": np.inf, "maxfev": EVALUATIONS},
     )
-    return start.moved(result.x * STEP)
+    return start.retract(result.x * STEP)
 
 
 def region_overlap(frame: Frame, pose: rp.Pose) -> float:

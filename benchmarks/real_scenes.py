@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 from regionpose.cameras import Camera
 from regionpose.io.yaml_text import to_yaml
 from regionpose.regions.outline import SparseSamplingWarning
-from regionpose.scene import SceneSides, Stages, estimate_scene, load_scene, scene_sides
+from regionpose.scene import SceneData, Stages, estimate_scene, load_scene, scene_sides
 from regionpose.scene.bundle import bundle
 
 Array = NDArray[np.float64]
@@ -89,7 +89,7 @@ class RealScene:
         """The pose of the frame, or of the frames as a rig."""
         return self.estimate_and_scatter(way, prior)[0]
 
-    def estimate_and_scatter(self, way: str, prior: str) -> tuple[rp.PoseEstimate, rp.FrameScatter | None]:
+    def estimate_and_scatter(self, way: str, prior: str) -> tuple[rp.PoseEstimate, rp.BetweenFrameSigma | None]:
         """The same, and how far frames are off as wholes; None of a single one."""
         images, worlds, known = self.images, self.worlds[way], self.priors[prior]
         if not self.counts:
@@ -97,7 +97,7 @@ class RealScene:
         ends = list(accumulate(self.counts, initial=0))
         frames = [(images[first:end], worlds[first:end]) for first, end in pairwise(ends)]
         rig = rp.estimate_rig(self.camera, frames, prior=known)
-        return replace(rig.estimate, warnings=rig.warnings), rig.scatter
+        return replace(rig.estimate, warnings=rig.warnings), rig.between_frame_sigma
 
 
 class Errors(NamedTuple):
@@ -121,7 +121,7 @@ class Row(NamedTuple):
     answers: int
     confidence: float
     codes: tuple[str, ...]
-    scatter: rp.FrameScatter | None
+    between_frame_sigma: rp.BetweenFrameSigma | None
 
 
 def camera_item(calibration: Plain) -> Plain:
@@ -249,7 +249,7 @@ def lidar_scenes(data: Path) -> list[RealScene]:
         return [scene_of(folder, Path(temporary)) for folder in folders if folder.parent.name in LIDARS]
 
 
-def outlines_of(sides: SceneSides) -> list[rp.WorldRegion]:
+def outlines_of(sides: SceneData) -> list[rp.WorldRegion]:
     """The polygons around the labeled points of a scene."""
     assert sides.cloud is not None
     scanner = None if sides.sensor_origin is None else sides.sensor_origin.place - sides.origin
@@ -299,8 +299,8 @@ def line(name: str, row: Row) -> str:
     trust = "trusted" if not row.codes else " ".join(row.codes)
     apart = (
         ""
-        if row.scatter is None
-        else "  frames {rotation_sigma_deg:.2f} deg {center_sigma_m:.3f} m".format(**asdict(row.scatter))
+        if row.between_frame_sigma is None
+        else "  frames {rotation_sigma_deg:.2f} deg {center_sigma_m:.3f} m".format(**asdict(row.between_frame_sigma))
     )
     return f"{name:28} {row.way:8} {row.prior:9} {written(row.first)}  {row.confidence:5.2f} {trust}{apart}{nearest}"
 

@@ -1,4 +1,4 @@
-"""One rigid pose from many frames: each frame's influence, and the camera refined with the pose.
+"""One rigid pose from many frames: each frame left out in turn, and the camera refined with the pose.
 
 The six boards of acfr_fisheye: for each way of naming the regions in the world (those of `real_scenes.py`) the frames
 are solved as one rig with the given camera, then with focal lengths, center and distortion refined as well. Errors are
@@ -43,7 +43,7 @@ REFINEMENTS: tuple[tuple[Part, ...], ...] = ((), ("focal",), ("focal", "center")
 
 def print_frames(rig: rp.RigEstimate) -> None:
     """Print a line for each frame: its fit, and the pose without it."""
-    for fit, one in zip(rig.frames, rig.influence, strict=True):
+    for fit, one in zip(rig.frames, rig.leave_one_out, strict=True):
         print(
             f"  {fit.name:8} delta {100 * fit.overlap_error:5.2f} %  contour {fit.residual_px:5.2f} px; without it"
             f" {one.rotation_deg:6.3f} deg {1e3 * one.shift_m:6.2f} mm,"
@@ -101,7 +101,7 @@ def deviations(refinement: rp.CameraRefinement, truth: Camera) -> list[float]:
 def of_truth(estimate: rp.PoseEstimate) -> tuple[float, float, bool]:
     """Errors of rotation (deg) and of the camera's center (mm), and whether the true pose is in the ellipsoid."""
     truth = rp.Pose.from_matrix(np.eye(4))
-    errors, away = errors_of(estimate.pose, estimate.covariance, truth), estimate.pose.increment_to(truth)
+    errors, away = errors_of(estimate.pose, estimate.covariance, truth), estimate.pose.local_coordinates(truth)
     squared = float(away @ np.linalg.solve(estimate.covariance, away))
     return errors.rotation, 1e3 * errors.center, squared < ELLIPSOID
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from regionpose.geometry.pose import Pose
 from regionpose.io.yaml_text import to_yaml
-from regionpose.scene import SceneSides, estimate_scene, load_scene, scene_sides
+from regionpose.scene import SceneData, estimate_scene, load_scene, scene_sides
 from regionpose.scene.models import PLANES
 
 from benchmarks.picking import frames
@@ -66,7 +66,7 @@ def scene_file(folder: Path, out: Path, edges: bool) -> Path:
     return path
 
 
-def right_planes(folder: Path, sides: SceneSides) -> dict[str, Right]:
+def right_planes(folder: Path, sides: SceneData) -> dict[str, Right]:
     """The right planes of the faces that have one, by the faces' names."""
     found: dict[str, Right] = {}
     named = zip(sides.unpaired.world_names, sides.unpaired.world_sides, strict=True)

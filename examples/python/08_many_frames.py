@@ -43,8 +43,8 @@ for warning in rig.warnings:
 
 figure, axes = plt.subplots(figsize=(7, 3.5), layout="constrained")
 places = np.arange(len(frames))
-axes.bar(places - 0.2, [one.residual_px for one in rig.influence], 0.4, label="found", color="#ff8c00")
-axes.bar(places + 0.2, [one.expected_px for one in rig.influence], 0.4, label="expected", color="#0b5fa5")
+axes.bar(places - 0.2, [one.residual_px for one in rig.leave_one_out], 0.4, label="found", color="#ff8c00")
+axes.bar(places + 0.2, [one.expected_px for one in rig.leave_one_out], 0.4, label="expected", color="#0b5fa5")
 axes.set(xlabel="frame left out", ylabel="distance of its contours, px", xticks=places)
 axes.legend()
 plt.show()
@@ -52,7 +52,7 @@ plt.show()
 # %%
 # Without it, and with focal length and center estimated together with the pose:
 
-kept = [each for each, influence in zip(frames, rig.influence, strict=True) if not influence.is_outlier]
+kept = [each for each, fit in zip(frames, rig.leave_one_out, strict=True) if not fit.is_outlier]
 given = rp.estimate_rig(assumed, kept)
 refined = rp.estimate_rig(assumed, kept, refine_camera=["focal", "center"])
 for name, result in (("camera as given", given), ("camera refined", refined)):

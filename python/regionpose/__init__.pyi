@@ -46,12 +46,12 @@ from .segment.cloud import grow_plane as grow_plane
 from .segment.image import grow_image_region as grow_image_region
 from .segment.planes import find_planes as find_planes
 from .solve.batch import estimate_poses as estimate_poses
+from .solve.between_frame_sigma import BetweenFrameSigma as BetweenFrameSigma
 from .solve.core_inputs import overlap_errors as overlap_errors
 from .solve.estimate import Alternative as Alternative
-from .solve.estimate import Crease as Crease
 from .solve.estimate import PoseError as PoseError
 from .solve.estimate import PoseEstimate as PoseEstimate
-from .solve.frame_scatter import FrameScatter as FrameScatter
+from .solve.estimate import SharedEdge as SharedEdge
 from .solve.intrinsics import CameraRefinement as CameraRefinement
 from .solve.matching import RegionMatches as RegionMatches
 from .solve.matching import match_regions as match_regions
@@ -59,7 +59,7 @@ from .solve.options import Solver as Solver
 from .solve.prior import Prior as Prior
 from .solve.rig import Frame as Frame
 from .solve.rig import FrameFit as FrameFit
-from .solve.rig import Influence as Influence
+from .solve.rig import LeaveOneOut as LeaveOneOut
 from .solve.rig import RigEstimate as RigEstimate
 from .solve.rig import estimate_rig as estimate_rig
 from .solve.single import estimate_pose as estimate_pose

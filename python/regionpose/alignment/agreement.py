@@ -130,7 +130,7 @@ def _seen(photo: Photo, edges: EdgeFrame, pose: Pose) -> tuple[Array, NDArray[np
     """Pixels (n, 2) of the reduced photo where edges are seen at a pose, beside regions, and whether it shows an edge
     there.
     """
-    local = pose.about(edges.origin)
+    local = pose.rebase(edges.origin)
     frame = edges.seen_from(local.camera_center, with_regions=False)
     places, directions = frame.seen(local.rotation.as_matrix(), local.translation)
     columns, rows = np.round(places).astype(np.int64).T

@@ -95,7 +95,7 @@ class EdgeFrame:
 
     def distance_m(self, pose: Pose) -> float:
         """The median distance of the points that the camera may see at a pose, meters; NaN where there are none."""
-        local = pose.about(self.origin).transform(self._points[:: max(1, len(self._points) // MOST_POINTS)])
+        local = pose.rebase(self.origin).transform(self._points[:: max(1, len(self._points) // MOST_POINTS)])
         distances = np.linalg.norm(local, axis=1)
         reach = np.cos(half_field(self.camera, self._frame.photo))
         shown = distances[local[:, 2] > reach * distances]

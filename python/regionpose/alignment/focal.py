@@ -106,7 +106,7 @@ class ByFocal:
 
     def seen_from(self, pose: Pose) -> list[_core.AlignmentFrame]:
         """The frames with the edges that are seen at a pose, or from nearby."""
-        center = pose.about(self.frames[0].origin).camera_center
+        center = pose.rebase(self.frames[0].origin).camera_center
         for known, cores in self._seen:
             if np.linalg.norm(known - center) < NEARBY_M:
                 return cores
@@ -133,7 +133,7 @@ class ByFocal:
         origin, about = self.frames[0].origin, self.about
         if isinstance(about, Prior):
             return Density.of_prior(about, origin)
-        pose = about.pose.moved(log_focal * self.shift)
+        pose = about.pose.retract(log_focal * self.shift)
         # The second order is as large as the first one for each unit of the logarithm: what is known of it.
         bend = log_focal**2 * self.shift
         return Density.student(pose, about.covariance + np.outer(bend, bend), origin)
@@ -153,10 +153,10 @@ def focal_evidence(by_focal: ByFocal, best: Hypothesis, progress: Progress | Non
     found: dict[float, list[EdgeMode]] = {}
     for numbers, _ in told_each(GROUPS, part(progress, 0.0, 0.6)):
         # Longer focal lengths move the camera, which then sees other edges.
-        middle = best.pose.moved(float(np.mean(numbers)) * STEPS[0] * way)
+        middle = best.pose.retract(float(np.mean(numbers)) * STEPS[0] * way)
         there = by_focal.seen_from(middle)
         for step in (number * STEPS[0] for number in numbers):
-            found[step] = by_focal.maxima(there, step, best.pose.moved(step * way), 2)
+            found[step] = by_focal.maxima(there, step, best.pose.retract(step * way), 2)
     gains: dict[float, float] = {}
     likeliest = sorted(found, key=lambda step: _gain(found[step]), reverse=True)[:CLOSER]
     for step, _ in told_each(likeliest, part(progress, 0.6, 1.0)):
@@ -195,8 +195,8 @@ def _derivative(by_focal: ByFocal, cores: Sequence[_core.AlignmentFrame], best: 
     if best.mode is None:
         return by_focal.shift
     steps = (-FOCAL_STEP, FOCAL_STEP)
-    ends = [by_focal.maxima(cores, step, best.pose.moved(step * by_focal.shift)) for step in steps]
+    ends = [by_focal.maxima(cores, step, best.pose.retract(step * by_focal.shift)) for step in steps]
     if not all(ends):
         return np.full(6, np.nan)
-    low, high = (best.pose.increment_to(modes[0].pose) for modes in ends)
+    low, high = (best.pose.local_coordinates(modes[0].pose) for modes in ends)
     return np.asarray((high - low) / (2.0 * FOCAL_STEP))

@@ -65,7 +65,7 @@ class Place:
         shares = np.exp(np.array([each.log_weight for each in finite]) - log_sum(finite))
         total = np.zeros((6, 6))
         for share, each in zip(shares, finite, strict=True):
-            way = self.best.pose.increment_to(each.pose)
+            way = self.best.pose.local_coordinates(each.pose)
             total += share * (each.covariance + np.outer(way, way) + (0.0 if each.mode is None else exposure))
         return total
 
@@ -107,7 +107,7 @@ def priors_of(estimate: PoseEstimate, hidden: Sequence[bool]) -> Array:
     """Probabilities (n,) of the answers of an estimate before edges are looked at: that each is the right place, of
     which some hide a region; what they leave of 1 is that none is.
     """
-    shares = np.array([answer.share for answer in answers_of(estimate)])
+    shares = np.array([answer.mode_probability for answer in answers_of(estimate)])
     near = np.array([_nearness(answer.covariance) for answer in answers_of(estimate)])
     shares = np.clip(shares / np.maximum(near, 1e-12), 0.0, 1.0)
     shares /= max(float(shares.sum()), 1.0)

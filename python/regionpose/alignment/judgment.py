@@ -58,11 +58,11 @@ class Judgment:
             pose=self.places[0].best.pose,
             covariance=covariance,
             confidence=float(shares[0]) * _core.nearness(covariance),
-            share=float(shares[0]),
+            mode_probability=float(shares[0]),
             overlap_error=np.nan,
             region_overlap_errors=np.empty(0),
             boundary_noise_px=np.nan,
-            disturbed_share=None,
+            outlier_fraction=None,
             alternatives=self._alternatives(None),
             warnings=(),
             converged=True,
@@ -87,7 +87,7 @@ class Judgment:
         estimate = replace(
             moved,
             confidence=float(shares[0]) * near,
-            share=float(shares[0]) * near,
+            mode_probability=float(shares[0]) * near,
             alternatives=self._alternatives(answers),
             focal_shift=shift,
         )
@@ -138,7 +138,7 @@ class Judgment:
     def _contradiction(self, regions: PoseEstimate) -> list[PoseWarning]:
         """A warning where edges lead to a pose beyond what the regions leave open: one of them is wrong."""
         pose, covariance = self.places[0].best.pose, regions.covariance
-        increment = regions.pose.increment_to(pose)
+        increment = regions.pose.local_coordinates(pose)
         if not np.isfinite(covariance).all():
             return []
         sigmas = float(np.sqrt(increment @ np.linalg.solve(covariance, increment)))
@@ -191,7 +191,7 @@ def _hidden_region(region: int, occlusion: Occlusion) -> PoseWarning:
 
 def _ambiguity(estimate: PoseEstimate, regions: PoseEstimate | None) -> list[PoseWarning]:
     """That other places are about as likely; what regions said of that where they did, who name the one at fault."""
-    others = [other for other in estimate.alternatives if other.share > AMBIGUOUS_SHARE]
+    others = [other for other in estimate.alternatives if other.mode_probability > AMBIGUOUS_SHARE]
     if not others:
         return []
     said = [] if regions is None else [each for each in regions.warnings if each.code.startswith("ambiguous")]

@@ -76,7 +76,7 @@ def search_prior(
     """
     density = Density.of_prior(prior, frames[0].origin)
     cores = [frame.core for frame, _ in told_each(frames, part(progress, 0.0, FRAMES_MADE))]
-    local, drawn = [start.about(density.origin) for start in starts], part(progress, FRAMES_MADE, MAXIMA_FOUND)
+    local, drawn = [start.rebase(density.origin) for start in starts], part(progress, FRAMES_MADE, MAXIMA_FOUND)
     modes = density.modes(cores, local, DRAWS, KEPT, drawn)
 
     def seen_from(center: Array) -> list[_core.AlignmentFrame]:
@@ -92,7 +92,7 @@ def search_about(
     """The maxima of the posterior about a pose, by the edges beside the frames' regions; that of the largest mass
     first.
     """
-    local = pose.about(density.origin)
+    local = pose.rebase(density.origin)
 
     def seen_from(center: Array) -> list[_core.AlignmentFrame]:
         return [frame.seen_from(center, with_regions=False) for frame in frames]
@@ -112,19 +112,19 @@ class Density(NamedTuple):
     @classmethod
     def of_prior(cls, prior: Prior, origin: Array) -> Density:
         """That of a prior; ValueError for one that says nothing of where the camera stands."""
-        return cls(_core.Density.of_prior(prior.about(origin).core), origin)
+        return cls(_core.Density.of_prior(prior.rebase(origin).core), origin)
 
     @classmethod
     def student(cls, pose: Pose, covariance: Array, origin: Array) -> Density:
         """Student's about a pose whose covariance (6, 6) is known but roughly."""
-        local = pose.about(origin)
+        local = pose.rebase(origin)
         return cls(_core.Density.student(local.rotation.as_matrix(), local.translation, covariance), origin)
 
     def maxima(self, frames: Sequence[_core.AlignmentFrame], starts: Sequence[Pose]) -> list[EdgeMode]:
         """The maxima of the posterior of the pose that frames share to which starts lead, that of the largest mass
         first; poses of the world.
         """
-        return _in_world(self.modes(frames, [start.about(self.origin) for start in starts]), self.origin)
+        return _in_world(self.modes(frames, [start.rebase(self.origin) for start in starts]), self.origin)
 
     def modes(
         self,
@@ -163,7 +163,7 @@ def log_mass(modes: Sequence[EdgeMode]) -> float:
 
 def _in_world(modes: Sequence[EdgeMode], origin: Array) -> list[EdgeMode]:
     """Maxima whose poses are about an origin (3,) as those of the world."""
-    return [replace(mode, pose=mode.pose.about(-origin)) for mode in modes]
+    return [replace(mode, pose=mode.pose.rebase(-origin)) for mode in modes]
 
 
 def _or_seen_anew(

@@ -34,6 +34,6 @@ def overlay_poses(outcome: Outcome) -> dict[str, Pose]:
 
 def depth_overlay(image: Picture, camera: Camera, cloud: Cloud, pose: Pose) -> Bytes:
     """The photo (h, w, 3) in gray with a cloud's points in the colors of their distances, at a pose in the world."""
-    drawn = overlay_depth(image, camera, pose.about(cloud.origin), cloud.local_points)
+    drawn = overlay_depth(image, camera, pose.rebase(cloud.origin), cloud.local_points)
     # Without the strip beside it, which has the scale: pixels stay where they are.
     return np.ascontiguousarray(drawn[:, : image.shape[1]])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from regionpose.cameras import Camera
 from regionpose.io.clouds import Cloud
-from regionpose.scene import Scene, SceneSides
+from regionpose.scene import Scene, SceneData
 from regionpose.scene.exposure import checked
 from regionpose.scene.sensors import Picture, sensor_origin
 
@@ -29,7 +29,7 @@ def compares_edges(values: Mapping[str, Any]) -> bool:
 
 def bare_sides(
     scene: Scene, image: Picture, camera: Camera, cloud: Cloud, origin: NDArray[Any] | None = None
-) -> SceneSides:
+) -> SceneData:
     """Photo and cloud of a scene of one photo, without regions; the cloud about `origin` (3,), or its own."""
-    about = cloud if origin is None else cloud.about(origin)
-    return checked(SceneSides(scene, camera, image, about, about.origin, sensor_origin(scene, cloud), (), (), ()))
+    about = cloud if origin is None else cloud.rebase(origin)
+    return checked(SceneData(scene, camera, image, about, about.origin, sensor_origin(scene, cloud), (), (), ()))

@@ -13,7 +13,7 @@ from regionpose.app.session import Session
 from regionpose.cameras import Camera
 from regionpose.io.clouds import Cloud
 from regionpose.io.outputs import Writer, claimed, text_writer
-from regionpose.scene import Scene, SceneError, SceneSides, Stages, load_scene
+from regionpose.scene import Scene, SceneData, SceneError, Stages, load_scene
 from regionpose.scene.estimate import frame_label
 from regionpose.scene.folder import SHARED, folder_pairs
 from regionpose.scene.paths import moved, relative
@@ -126,11 +126,11 @@ class Frames:
         frames = [without_regions(self._values(index)) for index in range(len(self))]
         return self._of_rig | {"frames": [one for one in frames if one.get("cloud")]}
 
-    def edge_sides(self, scene: Scene, stages: Stages) -> list[SceneSides]:
+    def edge_sides(self, scene: Scene, stages: Stages) -> list[SceneData]:
         """Photo and cloud of each frame of a scene as of `edge_values`, read where they were not before; SceneError
         for files that cannot be used.
         """
-        found: list[SceneSides] = []
+        found: list[SceneData] = []
         for number, frame in enumerate(scene.frames):
             index = self.names.index(frame.name)
             if index not in self._sensors:
@@ -186,7 +186,7 @@ class FrameSession(Session):
         """The scene of the pose by edges as plain values, as of `Frames.edge_values`."""
         return self.frames.edge_values()
 
-    def _edge_sides(self, scene: Scene, stages: Stages) -> list[SceneSides]:
+    def _edge_sides(self, scene: Scene, stages: Stages) -> list[SceneData]:
         return self.frames.edge_sides(scene, stages)
 
     def save(self) -> list[Path]:

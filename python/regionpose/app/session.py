@@ -22,7 +22,7 @@ from regionpose.cameras import Camera
 from regionpose.io.clouds import Cloud
 from regionpose.io.outputs import Writer, claimed, text_writer
 from regionpose.progress import told_each
-from regionpose.scene import Scene, SceneError, SceneEstimate, SceneSides, Stages, estimate_sides, load_scene
+from regionpose.scene import Scene, SceneData, SceneError, SceneEstimate, Stages, estimate_sides, load_scene
 from regionpose.scene.estimate import estimate_frames, estimate_regions
 from regionpose.scene.exposure import Unpaired, checked
 from regionpose.scene.models import PLANES
@@ -477,13 +477,13 @@ class Session:
         """The scene file as plain values."""
         return {**self.base, **region_lists(self.regions, self.path)}
 
-    def sides(self) -> SceneSides:
+    def sides(self) -> SceneData:
         """Sensors and both sides of the pairs, and the regions to be matched; ValueError without any."""
         pairs = self.pairs
         if not self.can_estimate:
             raise ValueError(NO_PAIR)
         scene = scene_of(self.path, self.values())
-        sides = SceneSides(
+        sides = SceneData(
             scene,
             self.camera,
             self.image,
@@ -532,7 +532,7 @@ class Session:
         # Planes that confirm it take as long again, and the page does not show them.
         return estimate_frames(scene, self._edge_sides(scene, stages), stages, with_planes=False)
 
-    def _edge_sides(self, scene: Scene, stages: Stages) -> list[SceneSides]:
+    def _edge_sides(self, scene: Scene, stages: Stages) -> list[SceneData]:
         """Photo and cloud of each frame of a scene without regions."""
         return [bare_sides(scene, self.image, self.camera, self.cloud)]
 

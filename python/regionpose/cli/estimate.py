@@ -198,7 +198,7 @@ def _say_frames(result: dict[str, Any]) -> None:
     if result["frames"] is not None:
         typer.echo("frames: contours at the pose, and at the pose of the others, px")
         say_rows([(frame["name"], _frame_fit(frame)) for frame in result["frames"]])
-        scatter = result["frame_scatter"]
+        scatter = result["between_frame_sigma"]
         if scatter is not None:
             turn, shift = angle_text(scatter["rotation_sigma_deg"]), length_text(scatter["center_sigma_m"])
             typer.echo(f"a frame is off as a whole by {turn} and {shift}; the pose allows for that")

@@ -16,7 +16,7 @@ from regionpose.io.outputs import claimed, refuse_existing, text_writer, write_f
 
 if TYPE_CHECKING:
     from regionpose.regions.image import ImageRegion
-    from regionpose.scene import Scene, SceneSides
+    from regionpose.scene import Scene, SceneData
     from regionpose.scene.region_sides import WorldSide
 
 SCENE_SUFFIXES = {".yaml", ".yml", ".json"}
@@ -181,7 +181,7 @@ def _segment_scene(
     return {"written": str(out), "regions": _sizes(sides), "warnings": remarks}
 
 
-def _scene_writers(scene: Scene, sides: SceneSides, out: Path) -> dict[str, Any]:
+def _scene_writers(scene: Scene, sides: SceneData, out: Path) -> dict[str, Any]:
     """Writers of the masks, the indices, and a scene file that names them."""
     import numpy as np
     from PIL import Image
@@ -206,7 +206,7 @@ def _scene_writers(scene: Scene, sides: SceneSides, out: Path) -> dict[str, Any]
 
 
 def _with_sides(
-    held: dict[str, Any], sides: SceneSides
+    held: dict[str, Any], sides: SceneData
 ) -> Iterator[tuple[dict[str, Any], ImageRegion | None, WorldSide | None]]:
     """The regions that a scene's values write out, as `named_regions` orders them, and the sides that each has."""
     loose, worlds = sides.unpaired, held.get("world_regions", [])
@@ -239,7 +239,7 @@ NAMES = (_mask_name, _points_name)
 """Names of the files that may be written of a region."""
 
 
-def _sizes(sides: SceneSides) -> list[dict[str, Any]]:
+def _sizes(sides: SceneData) -> list[dict[str, Any]]:
     """Sizes of the pairs, and of each region of one side."""
     from regionpose.scene.result import plain, region_sizes, world_sizes
 

@@ -172,7 +172,7 @@ def colored_cloud(
     Points that aren't seen keep their color, or are black; the field
     `visible` (0, 1) tells. Colors as of `blend_colors`.
     """
-    near = ((image, camera, pose.about(cloud.origin)) for image, camera, pose in views)
+    near = ((image, camera, pose.rebase(cloud.origin)) for image, camera, pose in views)
     colors, visible = blend_colors(cloud.local_points, near, normals=normals)
     if cloud.colors is not None:
         colors[~visible] = cloud.colors[~visible]

@@ -207,7 +207,7 @@ class Pose(KeptArrays):
         """The pose `world_from_camera`."""
         return Pose(self.rotation.inv(), self.camera_center)
 
-    def about(self, origin: ArrayLike) -> Pose:
+    def rebase(self, origin: ArrayLike) -> Pose:
         """The same pose for world points that are taken relative to `origin` (3,).
 
         Covariances stay as they are: increments are in the camera's frame.
@@ -216,12 +216,12 @@ class Pose(KeptArrays):
         return Pose(self.rotation, self.translation + self.rotation_matrix @ shift)
 
     @checked_arguments
-    def increment_to(self, other: Pose) -> Array:
+    def local_coordinates(self, other: Pose) -> Array:
         """The left increment `[omega (rad), tau]` (6,) that takes the pose to another, as covariances are of."""
         turn = other.rotation * self.rotation.inv()
         return np.concatenate([turn.as_rotvec(), other.translation - turn.as_matrix() @ self.translation])
 
-    def moved(self, increment: ArrayLike) -> Pose:
+    def retract(self, increment: ArrayLike) -> Pose:
         """The pose after a left increment `[omega (rad), tau]` (6,): `exp(omega) P + tau`."""
         from scipy.spatial.transform import Rotation
 

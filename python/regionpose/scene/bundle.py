@@ -176,7 +176,7 @@ def pictures(run: SceneEstimate) -> dict[str, Figure]:
         if alignment is not None:
             made[EDGES] = Figure(overlay_edges(sides.image, alignment), EDGES_CAPTION)
     if run.is_by_edges and run.estimate.alternatives and sides.cloud is not None:
-        other = run.estimate.alternatives[0].pose.about(sides.origin)
+        other = run.estimate.alternatives[0].pose.rebase(sides.origin)
         made[RUNNER_UP] = Figure(
             overlay_depth(sides.image, sides.camera, other, sides.cloud.local_points), RUNNER_UP_CAPTION
         )

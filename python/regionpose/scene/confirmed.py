@@ -186,7 +186,7 @@ def pose_distance(one: PoseEstimate, other: PoseEstimate) -> float:
     covariance = one.covariance + other.covariance
     if not np.isfinite(covariance).all():
         return float("nan")
-    way = one.pose.increment_to(other.pose)
+    way = one.pose.local_coordinates(other.pose)
     return float(np.sqrt(way @ np.linalg.solve(covariance, way)))
 
 

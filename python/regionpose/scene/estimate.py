@@ -17,17 +17,17 @@ from regionpose.progress import check_wanted
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 from regionpose.scene.confirmed import RegionCheck, region_check
-from regionpose.scene.exposure import SceneSides, matched, scene_sides
+from regionpose.scene.exposure import SceneData, matched, scene_sides
 from regionpose.scene.loading import Scene
 from regionpose.scene.overlap_pairs import near_edges, paired_by_overlap, takes_edges
 from regionpose.scene.sensors import SensorOrigin
 from regionpose.scene.solver_config import given_pose, scene_prior, scene_solver
 from regionpose.scene.stages import Stages
+from regionpose.solve.between_frame_sigma import BetweenFrameSigma
 from regionpose.solve.estimate import PoseEstimate
-from regionpose.solve.frame_scatter import FrameScatter
 from regionpose.solve.options import Solver
 from regionpose.solve.prior import Prior
-from regionpose.solve.rig import Frame, FrameFit, Influence, estimate_rig
+from regionpose.solve.rig import Frame, FrameFit, LeaveOneOut, estimate_rig
 from regionpose.solve.sample_fit import SampleFit, sample_fit
 from regionpose.solve.single import estimate_pose
 from regionpose.solve.warning import PoseWarning
@@ -42,24 +42,24 @@ class SceneEstimate:
     """The pose of a scene's camera in the world of its clouds, and what it came from.
 
     `scene`: the whole of it. `frames`: the photos and clouds, one unless the scene has several. `estimate`: of all
-    their regions, frame after frame. `seconds` per stage. `fits`, `influence`, `scatter`: how each of several frames
-    fits, what the others say without it, and how far frames are off as wholes. `calibration`: what the edges of photos
-    and clouds say, with the regions or without any; None where they were not looked at. `regions_found`: the planes
-    that photos confirm at a pose by edges alone; None of others.
+    their regions, frame after frame. `seconds` per stage. `fits`, `leave_one_out`, `between_frame_sigma`: how each of
+    several frames fits, the pose without it, and how far frames are off as wholes. `calibration`: what the edges of
+    photos and clouds say, with the regions or without any; None where they were not looked at. `regions_found`: the
+    planes that photos confirm at a pose by edges alone; None of others.
     """
 
     scene: Scene
-    frames: tuple[SceneSides, ...]
+    frames: tuple[SceneData, ...]
     estimate: PoseEstimate
     seconds: dict[str, float]
     fits: tuple[FrameFit, ...] = ()
-    influence: tuple[Influence, ...] = ()
-    scatter: FrameScatter | None = None
+    leave_one_out: tuple[LeaveOneOut, ...] = ()
+    between_frame_sigma: BetweenFrameSigma | None = None
     calibration: Calibration | None = None
     regions_found: RegionCheck | None = None
 
     @property
-    def sides(self) -> SceneSides:
+    def sides(self) -> SceneData:
         """What the first frame holds, the only one of most scenes."""
         return self.frames[0]
 
@@ -93,8 +93,8 @@ class SceneEstimate:
             frames=(self.frames[index],),
             estimate=estimate,
             fits=(),
-            influence=(),
-            scatter=None,
+            leave_one_out=(),
+            between_frame_sigma=None,
             calibration=found,
             regions_found=planes,
         )
@@ -125,13 +125,13 @@ class SceneEstimate:
     @property
     def local_pose(self) -> Pose:
         """The pose for points about the scene's local origin."""
-        return self.estimate.pose.about(self.sides.origin)
+        return self.estimate.pose.rebase(self.sides.origin)
 
     @property
     def local_initial(self) -> Pose | None:
         """The initial pose that the scene gives, for points about the local origin; None when it gives none."""
         given = given_pose(self.scene)
-        return None if given is None else given.about(self.sides.origin)
+        return None if given is None else given.rebase(self.sides.origin)
 
     @property
     def sample_fits(self) -> tuple[SampleFit | None, ...]:
@@ -148,26 +148,26 @@ class SceneEstimate:
         return np.concatenate([sides.overlap_errors(pose)[1] for sides in self.frames])
 
 
-def _regions(frames: Sequence[SceneSides]) -> tuple[list[ImageRegion], list[WorldRegion]]:
+def _regions(frames: Sequence[SceneData]) -> tuple[list[ImageRegion], list[WorldRegion]]:
     """Image and world regions of all frames, frame after frame."""
     images = [region for sides in frames for region in sides.image_regions]
     return images, [side.region for sides in frames for side in sides.world_sides]
 
 
-def _names(frames: Sequence[SceneSides]) -> tuple[str, ...]:
+def _names(frames: Sequence[SceneData]) -> tuple[str, ...]:
     return tuple(f"{one.scene.name}: {name}" if one.scene.name else name for one in frames for name in one.names)
 
 
-def _scanner(frames: Sequence[SceneSides]) -> SensorOrigin | None:
+def _scanner(frames: Sequence[SceneData]) -> SensorOrigin | None:
     """Where the scanner stood, by the first frame that knows."""
     return next((sides.sensor_origin for sides in frames if sides.sensor_origin is not None), None)
 
 
-def _prior(frames: Sequence[SceneSides]) -> Prior:
+def _prior(frames: Sequence[SceneData]) -> Prior:
     return scene_prior(frames[0].scene, _scanner(frames))
 
 
-def _region_prior(frames: Sequence[SceneSides]) -> Prior:
+def _region_prior(frames: Sequence[SceneData]) -> Prior:
     """What regions are solved with: pairs that follow from a pose by edges hold no farther from it."""
     poses = [one.matching.pose for one in frames if one.matching is not None and one.matching.pose is not None]
     return near_edges(_prior(frames), poses[0]) if poses else _prior(frames)
@@ -192,20 +192,20 @@ def estimate_scene(scene: Scene, stages: Stages | None = None) -> SceneEstimate:
         A ValueError, where no pose shows every region.
     """
     stages = stages or Stages()
-    frames: list[SceneSides] = []
+    frames: list[SceneData] = []
     for index, frame in enumerate(scene.frames):
         with stages.within(frame_label(frame, index, len(scene.model.frames))):
             frames.append(scene_sides(frame, stages, origin=frames[0].origin if frames else None))
     return estimate_frames(scene, frames, stages)
 
 
-def estimate_sides(sides: SceneSides, stages: Stages | None = None) -> SceneEstimate:
+def estimate_sides(sides: SceneData, stages: Stages | None = None) -> SceneEstimate:
     """The pose of the camera that saw both sides of a scene's regions; errors as of `estimate_scene`."""
     return estimate_frames(sides.scene, [sides], stages)
 
 
 def estimate_frames(
-    scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None, *, with_planes: bool = True
+    scene: Scene, given: Sequence[SceneData], stages: Stages | None = None, *, with_planes: bool = True
 ) -> SceneEstimate:
     """The one pose of the camera in all frames of a scene; `with_planes`: with the planes that photos confirm at a pose
     by edges alone. Errors as of `estimate_scene`.
@@ -216,13 +216,13 @@ def estimate_frames(
     return with_edges(estimate_regions(scene, given, stages), stages)
 
 
-def has_regions(frames: Sequence[SceneSides]) -> bool:
+def has_regions(frames: Sequence[SceneData]) -> bool:
     """Whether any frame has pairs of regions, or regions to be matched."""
     return any(sides.names or sides.unpaired.can_match for sides in frames)
 
 
 def estimate_edges(
-    scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None, *, with_planes: bool = True
+    scene: Scene, given: Sequence[SceneData], stages: Stages | None = None, *, with_planes: bool = True
 ) -> SceneEstimate:
     """The one pose of all frames by the edges of their photos and clouds alone, as of `calibrate`."""
     frames, stages = tuple(given), stages or Stages()
@@ -238,12 +238,12 @@ def estimate_edges(
     return SceneEstimate(scene, frames, estimate, stages.seconds, calibration=found, regions_found=planes)
 
 
-def _by_edges(frames: Sequence[SceneSides], stages: Stages) -> Calibration:
+def _by_edges(frames: Sequence[SceneData], stages: Stages) -> Calibration:
     """The pose of all frames by edges alone, about the local origin."""
     return _calibrated(frames, None, _edge_prior(frames), scene_solver(frames[0].scene), stages)
 
 
-def estimate_regions(scene: Scene, given: Sequence[SceneSides], stages: Stages | None = None) -> SceneEstimate:
+def estimate_regions(scene: Scene, given: Sequence[SceneData], stages: Stages | None = None) -> SceneEstimate:
     """The one pose of all frames by their regions alone, before edges are looked at; errors as above."""
     stages = stages or Stages()
     frames = tuple(_matched(sides, stages, frame_label(sides.scene, k, len(given))) for k, sides in enumerate(given))
@@ -256,7 +256,7 @@ def frame_label(frame: Scene, index: int, count: int) -> str:
     return f"frame {index + 1} of {count}, {frame.name}" if frame.name else ""
 
 
-def _matched(sides: SceneSides, stages: Stages, which: str) -> SceneSides:
+def _matched(sides: SceneData, stages: Stages, which: str) -> SceneData:
     """The sides with what is to be matched in pairs; ValueError that names the frame where nothing matches."""
     if not sides.unpaired.can_match:
         return sides
@@ -267,13 +267,13 @@ def _matched(sides: SceneSides, stages: Stages, which: str) -> SceneSides:
 
 
 def _run(
-    scene: Scene, frames: tuple[SceneSides, ...], seconds: dict[str, float], nearest: Pose | None = None
+    scene: Scene, frames: tuple[SceneData, ...], seconds: dict[str, float], nearest: Pose | None = None
 ) -> SceneEstimate:
     """The run by the regions alone; with the answer first that is nearest to a pose, if one is given."""
     prior = _region_prior(frames)
     if nearest is not None:
         prior = prior.started_at(nearest)
-    prior, solver, camera = prior.about(frames[0].origin), scene_solver(frames[0].scene), frames[0].camera
+    prior, solver, camera = prior.rebase(frames[0].origin), scene_solver(frames[0].scene), frames[0].camera
     if len(frames) == 1:
         local = estimate_pose(camera, *_regions(frames), prior=prior, solver=solver)
         return SceneEstimate(scene, frames, _in_world(local, frames), seconds)
@@ -281,7 +281,13 @@ def _run(
     rig = estimate_rig(camera, given, prior=prior, solver=solver)
     estimate = _in_world(replace(rig.estimate, warnings=rig.warnings), frames)
     return SceneEstimate(
-        scene, frames, estimate, seconds, fits=rig.frames, influence=rig.influence, scatter=rig.scatter
+        scene,
+        frames,
+        estimate,
+        seconds,
+        fits=rig.frames,
+        leave_one_out=rig.leave_one_out,
+        between_frame_sigma=rig.between_frame_sigma,
     )
 
 
@@ -299,14 +305,14 @@ def with_edges(run: SceneEstimate, stages: Stages | None = None) -> SceneEstimat
     if not uses_edges(run):
         return run
     origin, solver, latest = run.frames[0].origin, scene_solver(run.scene), run
-    if run.scatter is not None:
-        sigma_deg, sigma_m = run.scatter.rotation_sigma_deg, run.scatter.center_sigma_m
+    if run.between_frame_sigma is not None:
+        sigma_deg, sigma_m = run.between_frame_sigma.rotation_sigma_deg, run.between_frame_sigma.center_sigma_m
         solver = replace(solver, frame_sigma_deg=sigma_deg, frame_sigma_m=sigma_m)
 
     def reestimate(pose: Pose) -> PoseEstimate:
         nonlocal latest
         check_wanted()
-        latest = _run(run.scene, run.frames, run.seconds, pose.about(-origin))
+        latest = _run(run.scene, run.frames, run.seconds, pose.rebase(-origin))
         return _rebased(latest.estimate, origin)
 
     counts = accumulate((len(sides.names) for sides in run.frames), initial=0)
@@ -319,16 +325,16 @@ def with_edges(run: SceneEstimate, stages: Stages | None = None) -> SceneEstimat
 
 
 def _calibrated(
-    frames: Sequence[SceneSides], regions: RegionEvidence | None, prior: Prior, solver: Solver, stages: Stages
+    frames: Sequence[SceneData], regions: RegionEvidence | None, prior: Prior, solver: Solver, stages: Stages
 ) -> Calibration:
     """What edges say, with regions or without, about the local origin."""
     origin, scanner = frames[0].origin, _scanner(frames)
     photos = [frame for frame in scene_frames(frames) if frame is not None]
     place = None if scanner is None else scanner.place - origin
-    return calibrate_with(photos, regions, prior.about(origin), place, solver, stages.progress)
+    return calibrate_with(photos, regions, prior.rebase(origin), place, solver, stages.progress)
 
 
-def _edge_prior(frames: Sequence[SceneSides]) -> Prior:
+def _edge_prior(frames: Sequence[SceneData]) -> Prior:
     """What is known of a pose by edges alone: a deviation without a place is about the clouds' origin then."""
     scanner, item = _scanner(frames), frames[0].scene.model.prior
     if scanner is None and item.camera_near is None and item.camera_near_sigma_m is not None:
@@ -336,7 +342,7 @@ def _edge_prior(frames: Sequence[SceneSides]) -> Prior:
     return scene_prior(frames[0].scene, scanner)
 
 
-def scene_frames(frames: Sequence[SceneSides]) -> list[SceneFrame | None]:
+def scene_frames(frames: Sequence[SceneData]) -> list[SceneFrame | None]:
     """The photos and clouds of frames, with their regions; None of a frame without a cloud."""
     return [
         None
@@ -354,7 +360,7 @@ def scene_frames(frames: Sequence[SceneSides]) -> list[SceneFrame | None]:
     ]
 
 
-def _explained(action: Callable[[], Value], frames: Sequence[SceneSides]) -> Value:
+def _explained(action: Callable[[], Value], frames: Sequence[SceneData]) -> Value:
     """What `action` returns; its errors say what spoke against the regions beforehand, too: often the cause."""
     try:
         return action()
@@ -365,7 +371,7 @@ def _explained(action: Callable[[], Value], frames: Sequence[SceneSides]) -> Val
         raise type(error)(f"{own}{error}{remarks}") from error
 
 
-def _warnings(frames: Sequence[SceneSides]) -> tuple[PoseWarning, ...]:
+def _warnings(frames: Sequence[SceneData]) -> tuple[PoseWarning, ...]:
     """What spoke against cameras, clouds and regions beforehand, once each, by the regions' places among all."""
     found: dict[tuple[str, str], PoseWarning] = {}
     names, before = _names(frames), 0
@@ -377,12 +383,12 @@ def _warnings(frames: Sequence[SceneSides]) -> tuple[PoseWarning, ...]:
     return tuple(found.values())
 
 
-def _in_world(local: PoseEstimate, frames: Sequence[SceneSides]) -> PoseEstimate:
+def _in_world(local: PoseEstimate, frames: Sequence[SceneData]) -> PoseEstimate:
     """The estimate about the local origin in the clouds' world, with the warnings from before the pose."""
     return replace(_rebased(local, -frames[0].origin), warnings=(*local.warnings, *_warnings(frames)))
 
 
 def _rebased(estimate: PoseEstimate, origin: Array) -> PoseEstimate:
     """The estimate for points about an origin (3,)."""
-    alternatives = tuple(replace(other, pose=other.pose.about(origin)) for other in estimate.alternatives)
-    return replace(estimate, pose=estimate.pose.about(origin), alternatives=alternatives)
+    alternatives = tuple(replace(other, pose=other.pose.rebase(origin)) for other in estimate.alternatives)
+    return replace(estimate, pose=estimate.pose.rebase(origin), alternatives=alternatives)

@@ -60,7 +60,7 @@ class Matching:
 
 
 @dataclass(frozen=True, eq=False)
-class SceneSides:
+class SceneData:
     """What a scene's files hold: sensors and both sides of each region, in the scene's order, and their names.
 
     `cloud.local_points` and the world sides are about `origin` (3,), meters; `sensor_origin`, where the
@@ -84,10 +84,10 @@ class SceneSides:
     def overlap_errors(self, pose: Pose) -> tuple[float, Array]:
         """The overlap error of all regions and of each (k,) at a pose in the cloud's world; as of the solver's."""
         regions = [side.region for side in self.world_sides]
-        return overlap_errors(self.camera, self.image_regions, regions, pose.about(self.origin))
+        return overlap_errors(self.camera, self.image_regions, regions, pose.rebase(self.origin))
 
 
-def scene_sides(scene: Scene, stages: Stages | None = None, *, origin: Array | None = None) -> SceneSides:
+def scene_sides(scene: Scene, stages: Stages | None = None, *, origin: Array | None = None) -> SceneData:
     """The sensors and regions of a scene of one photo; SceneError that names the line for a file that cannot be used.
 
     `origin`: the local origin, that of the cloud where it is None.
@@ -97,7 +97,7 @@ def scene_sides(scene: Scene, stages: Stages | None = None, *, origin: Array | N
         raise scene.error(("frames",), f"found {len(scene.model.frames)} frames; needed a scene of one photo")
     image, camera, cloud = read_sensors(scene, stages)
     if cloud is not None and origin is not None:
-        cloud = cloud.about(origin)
+        cloud = cloud.rebase(origin)
     center = scene_origin(scene, cloud) if origin is None else origin
     scanner = sensor_origin(scene, cloud)
     with stages.stage("image regions"):
@@ -111,7 +111,7 @@ def scene_sides(scene: Scene, stages: Stages | None = None, *, origin: Array | N
     unpaired = Unpaired(names[count:], tuple(images[count:]), world_names, worlds)
     regions = (names[:count], tuple(images[:count]), sides, unpaired)
     with stages.stage("checks"):
-        return checked(SceneSides(scene, camera, image, cloud, center, scanner, *regions))
+        return checked(SceneData(scene, camera, image, cloud, center, scanner, *regions))
 
 
 class Imaged(NamedTuple):
@@ -155,7 +155,7 @@ def _unpaired_worlds(
     return tuple(planes), tuple(planes.values())
 
 
-def checked(sides: SceneSides) -> SceneSides:
+def checked(sides: SceneData) -> SceneData:
     """The sides with the warnings about camera, cloud and regions that hold before any pose is known."""
     size = (sides.image.shape[1], sides.image.shape[0])
     sparse = (
@@ -169,7 +169,7 @@ def checked(sides: SceneSides) -> SceneSides:
     return replace(sides, warnings=(*camera, *cloud, *regions, *sparse))
 
 
-def matched(sides: SceneSides) -> SceneSides:
+def matched(sides: SceneData) -> SceneData:
     """The sides with the pairs that were found among the regions of one side; the same where there are none to match.
 
     The pairs that the scene gives are kept, and say where the others are looked for. ValueError for regions that the
@@ -185,7 +185,7 @@ def matched(sides: SceneSides) -> SceneSides:
         images,
         [side.region for side in worlds],
         known=[(index, index) for index in range(known)],
-        prior=scene_prior(sides.scene, sides.sensor_origin).about(sides.origin),
+        prior=scene_prior(sides.scene, sides.sensor_origin).rebase(sides.origin),
         solver=scene_solver(sides.scene),
     )
     matching = _matching(sides, found)
@@ -200,7 +200,7 @@ def matched(sides: SceneSides) -> SceneSides:
     return replace(with_warnings, warnings=(*with_warnings.warnings, *found.warnings))
 
 
-def _matching(sides: SceneSides, found: RegionMatches) -> Matching:
+def _matching(sides: SceneData, found: RegionMatches) -> Matching:
     """What was found by the regions' names, without the pairs that the scene gives."""
     known = len(sides.names)
     images = (*sides.names, *sides.unpaired.image_names)

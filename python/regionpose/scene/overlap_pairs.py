@@ -16,7 +16,7 @@ from regionpose.cameras import Camera
 from regionpose.geometry.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
-from regionpose.scene.exposure import Matching, SceneSides, Unpaired, checked
+from regionpose.scene.exposure import Matching, SceneData, Unpaired, checked
 from regionpose.scene.models import PLANES
 from regionpose.solve.estimate import PoseError
 from regionpose.solve.prior import Prior
@@ -36,7 +36,7 @@ LEAST_CONFIDENCE = 0.9
 """Of a pose by edges that pairs follow from: odds of 9 to 1, a convention."""
 
 
-def takes_edges(sides: SceneSides) -> bool:
+def takes_edges(sides: SceneData) -> bool:
     """Whether planes are to be matched whose pairs edges may give: the scene has no pair, and wants edges to
     be used.
     """
@@ -45,7 +45,7 @@ def takes_edges(sides: SceneSides) -> bool:
     return can_match and model.world_regions == PLANES and model.solver.edges
 
 
-def paired_by_overlap(sides: SceneSides, calibrated: Callable[[], Calibration]) -> SceneSides:
+def paired_by_overlap(sides: SceneData, calibrated: Callable[[], Calibration]) -> SceneData:
     """The sides with the pairs that overlap at the pose by edges; the same where that is not sure, or nothing does."""
     try:
         found = calibrated()
@@ -56,7 +56,7 @@ def paired_by_overlap(sides: SceneSides, calibrated: Callable[[], Calibration]) 
     unpaired = sides.unpaired
     worlds = [side.region for side in unpaired.world_sides]
     pairs = overlapping(sides.camera, found.pose, sides.image.shape[:2], unpaired.image_regions, worlds)
-    return _paired(sides, pairs, found.pose.about(-sides.origin)) if pairs else sides
+    return _paired(sides, pairs, found.pose.rebase(-sides.origin)) if pairs else sides
 
 
 def near_edges(prior: Prior, pose: Pose) -> Prior:
@@ -96,7 +96,7 @@ def _polygon(rings: Sequence[Array]) -> BaseGeometry:
     return found
 
 
-def _paired(sides: SceneSides, pairs: Sequence[tuple[int, int]], pose: Pose) -> SceneSides:
+def _paired(sides: SceneData, pairs: Sequence[tuple[int, int]], pose: Pose) -> SceneData:
     """The sides with pairs of their unpaired regions at a pose; the other regions are left without a partner."""
     unpaired = sides.unpaired
     images, worlds = {i for i, _ in pairs}, {j for _, j in pairs}

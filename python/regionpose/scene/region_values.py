@@ -36,7 +36,7 @@ def confirmed_values(run: SceneEstimate) -> dict[str, Any] | None:
         ],
         "pose": own
         and {
-            "camera_from_world": pose_values(own.pose.about(-run.sides.origin)),
+            "camera_from_world": pose_values(own.pose.rebase(-run.sides.origin)),
             "rotation_sigma_deg": own.rotation_sigma_deg,
             "translation_sigma_m": own.translation_sigma_m,
             "confidence": own.confidence,

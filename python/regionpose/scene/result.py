@@ -14,7 +14,7 @@ from regionpose.alignment import Calibration
 from regionpose.geometry.pose import Pose
 from regionpose.io.exports.view import camera_values
 from regionpose.scene.estimate import SceneEstimate
-from regionpose.scene.exposure import SceneSides
+from regionpose.scene.exposure import SceneData
 from regionpose.scene.inputs import input_values, versions
 from regionpose.scene.loading import Scene
 from regionpose.scene.paths import relative
@@ -70,10 +70,10 @@ def _told_of_fit(run: SceneEstimate) -> dict[str, Any]:
     estimate = run.estimate
     return {
         "confidence": estimate.confidence,
-        "share": estimate.share,
+        "mode_probability": estimate.mode_probability,
         "overlap_error": estimate.overlap_error,
         "boundary_noise_px": estimate.boundary_noise_px,
-        "disturbed_share": estimate.disturbed_share,
+        "outlier_fraction": estimate.outlier_fraction,
         "scene_agreement": agreement_values(run),
         "edge_search": edge_search_values(run),
         "confirmed_regions": confirmed_values(run),
@@ -89,12 +89,12 @@ def _told_of_regions(run: SceneEstimate, folder: Path) -> dict[str, Any]:
         "regions": [values for view in run.views for values in region_values(view)],
         "matching": matching_values(run),
         "frames": frame_values(run, folder),
-        "frame_scatter": None if run.scatter is None else asdict(run.scatter),
+        "between_frame_sigma": None if run.between_frame_sigma is None else asdict(run.between_frame_sigma),
         "alternatives": [
             {
                 "camera_from_world": pose_values(other.pose),
                 "confidence": other.confidence,
-                "share": other.share,
+                "mode_probability": other.mode_probability,
                 "overlap_error": other.overlap_error,
             }
             for other in estimate.alternatives
@@ -152,7 +152,7 @@ def camera_near_values(run: SceneEstimate) -> dict[str, Any] | None:
     nothing was.
     """
     item = run.scene.model.prior
-    prior = run.prior if run.calibration is None else run.calibration.prior.about(-run.sides.origin)
+    prior = run.prior if run.calibration is None else run.calibration.prior.rebase(-run.sides.origin)
     if prior.camera_near is None:
         return None
     by = "prior.camera_near" if item.camera_near is not None else "sensor_origin" if run.scanner else "assumption"
@@ -223,7 +223,7 @@ def frame_values(run: SceneEstimate, folder: Path) -> list[dict[str, Any]] | Non
             },
             "scene_agreement": agreement_values(view),
         }
-        for fit, other, view in zip(run.fits, run.influence, run.views, strict=True)
+        for fit, other, view in zip(run.fits, run.leave_one_out, run.views, strict=True)
     ]
 
 
@@ -249,7 +249,7 @@ def edge_search_values(run: SceneEstimate) -> dict[str, Any] | None:
     found = run.calibration
     if found is None:
         return None
-    prior, focal = found.prior.about(-run.sides.origin), found.focal
+    prior, focal = found.prior.rebase(-run.sides.origin), found.focal
     initial = prior.initial
     return {
         "log_odds": found.log_odds,
@@ -280,7 +280,7 @@ def _before_values(found: Calibration, regions: PoseEstimate, origin: NDArray[np
         "rank": None if found.rank_before is None else found.rank_before + 1,
         "turned_deg": found.turned_deg,
         "moved_m": found.moved_m,
-        "camera_from_world": pose_values(before.about(-origin)),
+        "camera_from_world": pose_values(before.rebase(-origin)),
     }
 
 
@@ -300,7 +300,7 @@ def exports(pose: Pose) -> dict[str, Any]:
     }
 
 
-def region_sizes(sides: SceneSides) -> list[dict[str, Any]]:
+def region_sizes(sides: SceneData) -> list[dict[str, Any]]:
     """Each region's name, areas (pixels, square meters) and cloud points, and what its 3D side is known by."""
     pairs = zip(sides.names, sides.image_regions, sides.world_sides, strict=True)
     return [{"name": name, "image_area_px": observed.area, **world_sizes(world)} for name, observed, world in pairs]

@@ -21,7 +21,7 @@ from regionpose.solve.core_inputs import (
     observed_regions,
     ring_bearings,
 )
-from regionpose.solve.estimate import PoseError, PoseEstimate, answer_of
+from regionpose.solve.estimate import PoseError, PoseEstimate, estimate_from_core
 from regionpose.solve.options import Solver, checked_solver
 from regionpose.solve.prior import Prior
 
@@ -79,7 +79,7 @@ def estimate_poses(
     whole = [(each, known) for each, known in told if not isinstance(each, PoseError)]
     batch, priors = [each for each, _ in whole], [known for _, known in whole]
     estimates = iter(core_batch(batch, priors, options, threads))
-    return [each if isinstance(each, PoseError) else answer_of(next(estimates)) for each in sides]
+    return [each if isinstance(each, PoseError) else estimate_from_core(next(estimates)) for each in sides]
 
 
 PROBLEMS = "a list of problems (camera, image_regions, world_regions)"

@@ -19,7 +19,7 @@ class PoseError(ValueError):
     """No pose shows the regions as they were observed."""
 
 
-class Judged(KeptArrays):
+class PoseWithCovariance(KeptArrays):
     """A pose with its covariance and overlap errors, its arrays read-only."""
 
     pose: Pose
@@ -43,7 +43,7 @@ class Judged(KeptArrays):
 
 
 @dataclass(frozen=True, eq=False)
-class Alternative(Judged):
+class Alternative(PoseWithCovariance):
     """Another pose that fits as well.
 
     Parameters
@@ -54,7 +54,7 @@ class Alternative(Judged):
         Of the left increment `[omega (rad), tau (meters)]`, as of `PoseEstimate`.
     confidence : float
         Probability that it is within 5 degrees of the true pose.
-    share : float
+    mode_probability : float
         Probability that it is the place, as of `PoseEstimate`.
     overlap_error : float
         Of all regions, a fraction, as of `PoseEstimate`.
@@ -66,13 +66,13 @@ class Alternative(Judged):
     pose: Pose
     covariance: Array
     confidence: float
-    share: float
+    mode_probability: float
     overlap_error: float
     region_overlap_errors: Array
 
 
 @dataclass(frozen=True, eq=False)
-class Crease(KeptArrays):
+class SharedEdge(KeptArrays):
     """A straight edge that two regions share where their planes meet.
 
     Parameters
@@ -89,7 +89,7 @@ class Crease(KeptArrays):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PoseEstimate(Judged):
+class PoseEstimate(PoseWithCovariance):
     """The pose of a camera with its covariance, confidence, alternatives and warnings; arrays are read-only.
 
     Parameters
@@ -102,7 +102,7 @@ class PoseEstimate(Judged):
     confidence : float
         Probability that the true pose is within 5 degrees, as calibrated on synthetic problems (docs/math.md, section
         15).
-    share : float
+    mode_probability : float
         Probability that this answer is the place, each being one of its own: answers that fit alike share what one of
         them would have. The confidence is the sum of the shares of those within 5 degrees.
     overlap_error : float
@@ -113,7 +113,7 @@ class PoseEstimate(Judged):
     boundary_noise_px : float
         Standard deviation of the contour that the fit shows, pixels, of its clean part where the pose was refined on
         it.
-    disturbed_share : float or None
+    outlier_fraction : float or None
         The rest of the contour, a fraction, then.
     alternatives : tuple of Alternative
         Other minima that fit as well and that the priors leave, best first.
@@ -135,7 +135,7 @@ class PoseEstimate(Judged):
         The pose's derivative by the logarithm of the focal lengths, a left increment, as the regions tell it: a
         hundredth of it is what focal lengths 1 % longer do (docs/math.md, eq. 10.9). NaN where a direction is left
         free.
-    creases : tuple of Crease
+    shared_edges : tuple of SharedEdge
         Edges between regions that were evidence beside samples of a scan.
 
     """
@@ -143,11 +143,11 @@ class PoseEstimate(Judged):
     pose: Pose
     covariance: Array
     confidence: float
-    share: float
+    mode_probability: float
     overlap_error: float
     region_overlap_errors: Array
     boundary_noise_px: float
-    disturbed_share: float | None
+    outlier_fraction: float | None
     alternatives: tuple[Alternative, ...]
     warnings: tuple[PoseWarning, ...]
     converged: bool
@@ -156,7 +156,7 @@ class PoseEstimate(Judged):
     distance_m: float
     pixel_angle_rad: float
     focal_shift: Array
-    creases: tuple[Crease, ...] = ()
+    shared_edges: tuple[SharedEdge, ...] = ()
 
     def __post_init__(self) -> None:
         """Keep arrays that nobody can write to."""
@@ -171,7 +171,7 @@ class PoseEstimate(Judged):
         return f"PoseEstimate({', '.join(parts)})"
 
 
-def answer_of(estimate: _core.Estimate | str | None) -> PoseEstimate | PoseError:
+def estimate_from_core(estimate: _core.Estimate | str | None) -> PoseEstimate | PoseError:
     """What the core found, or the error that says why it found nothing."""
     if isinstance(estimate, str):
         return PoseError(estimate)
@@ -184,11 +184,11 @@ def answer_of(estimate: _core.Estimate | str | None) -> PoseEstimate | PoseError
         pose=pose_of(best),
         covariance=best.covariance,
         confidence=best.confidence,
-        share=best.share,
+        mode_probability=best.share,
         overlap_error=best.overlap_error,
         region_overlap_errors=best.region_overlap_errors,
         boundary_noise_px=estimate.boundary_noise,
-        disturbed_share=estimate.disturbed_share,
+        outlier_fraction=estimate.disturbed_share,
         alternatives=tuple(map(_alternative, estimate.alternatives)),
         warnings=tuple(PoseWarning(code, text, tuple(of), values) for code, text, of, values in estimate.warnings),
         converged=best.converged,
@@ -197,7 +197,7 @@ def answer_of(estimate: _core.Estimate | str | None) -> PoseEstimate | PoseError
         distance_m=estimate.distance,
         pixel_angle_rad=estimate.pixel_angle,
         focal_shift=best.focal_shift,
-        creases=tuple(Crease((first, second), ends) for (first, second), ends in estimate.creases),
+        shared_edges=tuple(SharedEdge((first, second), ends) for (first, second), ends in estimate.creases),
     )
 
 
@@ -206,7 +206,7 @@ def _alternative(solution: _core.Solution) -> Alternative:
         pose=pose_of(solution),
         covariance=solution.covariance,
         confidence=solution.confidence,
-        share=solution.share,
+        mode_probability=solution.share,
         overlap_error=solution.overlap_error,
         region_overlap_errors=solution.region_overlap_errors,
     )

@@ -168,13 +168,13 @@ class Prior:
             camera_near_sigma_m=self.camera_near_sigma_m,
         )
 
-    def about(self, origin: ArrayLike) -> Prior:
+    def rebase(self, origin: ArrayLike) -> Prior:
         """The same for world points taken relative to `origin` (3,), meters."""
         shift = np.asarray(origin, dtype=np.float64)
         pose, near = self.initial, self.camera_near
         return replace(
             self,
-            initial=None if pose is None else pose.about(shift),
+            initial=None if pose is None else pose.rebase(shift),
             camera_near=None if near is None else np.asarray(near) - shift,
         )
 

@@ -66,13 +66,13 @@ def scattered_estimate(
     return replace(
         moved,
         confidence=min(1.0, near * estimate.confidence),
-        share=min(1.0, near * estimate.share),
+        mode_probability=min(1.0, near * estimate.mode_probability),
         alternatives=tuple(
             replace(
                 other,
                 covariance=factor * other.covariance,
                 confidence=min(1.0, near * other.confidence),
-                share=min(1.0, near * other.share),
+                mode_probability=min(1.0, near * other.mode_probability),
             )
             for other in estimate.alternatives
         ),

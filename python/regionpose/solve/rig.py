@@ -13,10 +13,10 @@ from regionpose.cameras import Camera
 from regionpose.geometry.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
+from regionpose.solve.between_frame_sigma import BetweenFrameSigma, Factor, Scattered, scattered
 from regionpose.solve.contours import Contours, contours_of, distances_of, robust_sigma
 from regionpose.solve.core_inputs import core_problem
 from regionpose.solve.estimate import PoseError, PoseEstimate
-from regionpose.solve.frame_scatter import Factor, FrameScatter, Scattered, scattered
 from regionpose.solve.intrinsics import (
     CameraPart,
     CameraRefinement,
@@ -89,7 +89,7 @@ class FrameFit(KeptArrays):
 
 
 @dataclass(frozen=True, eq=False)
-class Influence(KeptArrays):
+class LeaveOneOut(KeptArrays):
     """What the other frames say without one.
 
     Parameters
@@ -137,9 +137,9 @@ class RigEstimate:
         The given one, or the refined one.
     frames : tuple of FrameFit
         In the frames' order.
-    influence : tuple of Influence
+    leave_one_out : tuple of LeaveOneOut
         In the frames' order; none where there is one frame only.
-    scatter : FrameScatter or None
+    between_frame_sigma : BetweenFrameSigma or None
         How far a frame is off as a whole; None where fewer than two frames have a pose of their
         own, or these do not add up to the joint one.
     refinement : CameraRefinement or None
@@ -152,8 +152,8 @@ class RigEstimate:
     estimate: PoseEstimate
     camera: Camera
     frames: tuple[FrameFit, ...]
-    influence: tuple[Influence, ...]
-    scatter: FrameScatter | None
+    leave_one_out: tuple[LeaveOneOut, ...]
+    between_frame_sigma: BetweenFrameSigma | None
     refinement: CameraRefinement | None
     warnings: tuple[PoseWarning, ...]
 
@@ -211,7 +211,7 @@ def estimate_rig(
     Returns
     -------
     RigEstimate
-        The pose, each frame's fit and influence, and the camera.
+        The pose, each frame's fit, the pose without each frame, and the camera.
 
     Raises
     ------
@@ -241,7 +241,7 @@ def estimate_rig(
             estimate = near.joint(listed)
     found = rig.scattered(listed, estimate)
     if found is not None:
-        pose = estimate.pose.moved(found.increment)
+        pose = estimate.pose.retract(found.increment)
         # Errors of the calibration are the same in all frames.
         calibration = options.calibration_covariance(estimate.focal_shift, estimate.pixel_angle_rad)
         covariance = found.covariance + calibration
@@ -250,15 +250,15 @@ def estimate_rig(
         # Nothing tells how far frames are off.
         options = replace(options, driver=rig.solver.driver)
         estimate = replace(rig.started_at(estimate.pose), solver=options).joint(listed)
-    influence = rig.influence(listed, estimate.pose)
+    leave_one_out = rig.leave_one_out(listed, estimate.pose)
     return RigEstimate(
         estimate=estimate,
         camera=rig.camera,
         frames=_frame_fits(rig.camera, listed, estimate),
-        influence=influence,
-        scatter=None if found is None else found.scatter,
+        leave_one_out=leave_one_out,
+        between_frame_sigma=None if found is None else found.between_frame_sigma,
         refinement=refinement,
-        warnings=(*estimate.warnings, *rig.outlier_warnings(listed, influence), *_camera_warnings(refinement)),
+        warnings=(*estimate.warnings, *rig.outlier_warnings(listed, leave_one_out), *_camera_warnings(refinement)),
     )
 
 
@@ -323,7 +323,7 @@ class _Rig:
         weakest = np.sqrt(values[-1]) * deviations * axes[:, -1]
         # Where samples settle depends on where they begin, and by how much is a part of what they leave uncertain.
         starts = (0.0, -1.0, 1.0) if sampled else (0.0,)
-        found = [self._own(frame, joint.pose, joint.pose.moved(times * weakest), deviations) for times in starts]
+        found = [self._own(frame, joint.pose, joint.pose.retract(times * weakest), deviations) for times in starts]
         known = [answer for answer in found if answer is not None]
         if not known:
             return None
@@ -344,13 +344,13 @@ class _Rig:
             alone = near.joint([frame])
         except PoseError:
             return None
-        answers = [(joint.increment_to(answer.pose), answer.covariance) for answer in (alone, *alone.alternatives)]
+        answers = [(joint.local_coordinates(answer.pose), answer.covariance) for answer in (alone, *alone.alternatives)]
         increment, covariance = min(answers, key=lambda answer: float(np.linalg.norm(answer[0] / deviations)))
         if np.linalg.norm(increment[:3]) > ANOTHER_PLACE or not np.isfinite(covariance).all():
             return None
         return increment, covariance
 
-    def influence(self, frames: Sequence[Frame], joint: Pose) -> tuple[Influence, ...]:
+    def leave_one_out(self, frames: Sequence[Frame], joint: Pose) -> tuple[LeaveOneOut, ...]:
         """What the frames but each one say; nothing where there is one only."""
         if len(frames) < 2:
             return ()
@@ -360,9 +360,9 @@ class _Rig:
             others = [*frames[:index], *frames[index + 1 :]]
             without = near.joint(others)
             residual, expected = _held_out(self.camera, without, frame, others)
-            increment = without.pose.increment_to(joint)
+            increment = without.pose.local_coordinates(joint)
             found.append(
-                Influence(
+                LeaveOneOut(
                     name=frame.name,
                     pose=without.pose,
                     covariance=without.covariance,
@@ -374,23 +374,23 @@ class _Rig:
             )
         return tuple(found)
 
-    def outlier_warnings(self, frames: Sequence[Frame], influence: Sequence[Influence]) -> list[PoseWarning]:
+    def outlier_warnings(self, frames: Sequence[Frame], leave_one_out: Sequence[LeaveOneOut]) -> list[PoseWarning]:
         """A warning for each frame that disagrees; the worst is left out before the others are judged again.
 
         Of two frames that disagree nothing tells which is wrong, so both are named.
         """
         warnings: list[PoseWarning] = []
         places = _places(frames)
-        while disagreeing := [one for one in influence if one.is_outlier]:
+        while disagreeing := [one for one in leave_one_out if one.is_outlier]:
             if len(frames) == 2:
                 return warnings + [self._outlier_warning(one, frames, places) for one in disagreeing]
             worst = max(disagreeing, key=lambda one: one.residual_px / one.expected_px)
             warnings.append(self._outlier_warning(worst, frames, places))
             frames = [frame for frame in frames if frame.name != worst.name]
-            influence = self.influence(frames, worst.pose)
+            leave_one_out = self.leave_one_out(frames, worst.pose)
         return warnings
 
-    def _outlier_warning(self, one: Influence, frames: Sequence[Frame], places: Mapping[str, int]) -> PoseWarning:
+    def _outlier_warning(self, one: LeaveOneOut, frames: Sequence[Frame], places: Mapping[str, int]) -> PoseWarning:
         """The warning of a frame that disagrees, with those of its regions that do where others of it agree."""
         frame = next(frame for frame in frames if frame.name == one.name)
         others = [other for other in frames if other.name != one.name]
@@ -486,7 +486,7 @@ def _places(frames: Sequence[Frame]) -> dict[str, int]:
 
 
 def _held_out(
-    camera: Camera, without: PoseEstimate | Influence, frame: Frame, others: Sequence[Frame]
+    camera: Camera, without: PoseEstimate | LeaveOneOut, frame: Frame, others: Sequence[Frame]
 ) -> tuple[float, float]:
     """Size of a frame's distances at the pose of the others, and the one to expect, pixels.
 
@@ -531,7 +531,7 @@ def _root_mean_square(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _frame_warning(one: Influence, off: Sequence[tuple[int, float]]) -> PoseWarning:
+def _frame_warning(one: LeaveOneOut, off: Sequence[tuple[int, float]]) -> PoseWarning:
     """The warning of a frame, whose regions at these places, as far off in pixels, are what disagrees."""
     whose = " and ".join(f"{{{index}}}" for index in range(len(off))) or "its contours"
     residual = max((residual for _, residual in off), default=one.residual_px)

@@ -8,7 +8,7 @@ from regionpose.cameras import Camera
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 from regionpose.solve.core_inputs import core_prior, core_problem
-from regionpose.solve.estimate import PoseError, PoseEstimate, answer_of
+from regionpose.solve.estimate import PoseError, PoseEstimate, estimate_from_core
 from regionpose.solve.options import Solver, checked_solver
 from regionpose.solve.prior import Prior
 from regionpose.solve.scipy_driver import scipy_minimum
@@ -69,7 +69,7 @@ def estimate_pose(
     options = checked_solver(solver)
     problem, known = core_problem(camera, image_regions, world_regions, options), core_prior(prior)
     if options.driver == "native":
-        found = answer_of(
+        found = estimate_from_core(
             problem.estimate(
                 start=options.start,
                 refine=options.refine,
@@ -87,7 +87,7 @@ def estimate_pose(
             limits=options.limits,
         )
         minima = [scipy_minimum(search, rotation, translation) for rotation, translation in search.candidates]
-        found = answer_of(search.judged(minima))
+        found = estimate_from_core(search.judged(minima))
     if isinstance(found, PoseError):
         raise found
     return found

@@ -73,7 +73,7 @@ def errors(pose: rp.Pose, truth: rp.Pose) -> tuple[float, float]:
 
 def off_by(calibration: rp.Calibration, truth: rp.Pose) -> float:
     """The error along the worst axis, in standard deviations."""
-    error = calibration.pose.increment_to(truth)
+    error = calibration.pose.local_coordinates(truth)
     return float(np.max(np.abs(error) / np.sqrt(np.diag(calibration.estimate.covariance))))
 
 
@@ -111,8 +111,8 @@ def test_the_pose_is_found_without_a_heading(found: Found) -> None:
 def test_alternatives_are_elsewhere_and_share_what_the_pose_leaves(found: Found) -> None:
     estimate = found.calibration.estimate
     assert estimate.alternatives
-    shares = [other.share for other in estimate.alternatives]
-    assert shares == sorted(shares, reverse=True) and estimate.share + sum(shares) <= 1.0 + 1e-12
+    shares = [other.mode_probability for other in estimate.alternatives]
+    assert shares == sorted(shares, reverse=True) and estimate.mode_probability + sum(shares) <= 1.0 + 1e-12
     for other in estimate.alternatives:
         turn, shift = errors(other.pose, estimate.pose)
         assert turn > 5.0 or shift > 1.0
@@ -179,7 +179,7 @@ def test_what_is_known_closely_makes_the_pose_surer(few: None, worlds: list[Worl
 
 
 def test_a_rough_pose_is_a_start_without_deviations(few: None, worlds: list[World]) -> None:
-    known = replace(KNOWN, initial=worlds[0].pose.moved([0.005, -0.005, 0.005, 0.02, 0.0, -0.02]))
+    known = replace(KNOWN, initial=worlds[0].pose.retract([0.005, -0.005, 0.005, 0.02, 0.0, -0.02]))
     calibration = rp.calibrate([worlds[0].frame()], prior=known)
     assert_right(calibration, worlds[0].pose)
 
@@ -250,16 +250,16 @@ def test_clouds_of_a_map_s_grid_give_the_same_pose(few: None, worlds: list[World
     world = worlds[0]
     far = world._replace(points=world.points + FAR)
     here = rp.calibrate([world.frame()], prior=KNOWN)
-    there = rp.calibrate([far.frame()], prior=KNOWN.about(-FAR), sensor_origin=FAR)
+    there = rp.calibrate([far.frame()], prior=KNOWN.rebase(-FAR), sensor_origin=FAR)
     pairs = [(here.pose, there.pose), *zip((m.pose for m in here.modes), (m.pose for m in there.modes), strict=True)]
     others = zip(here.estimate.alternatives, there.estimate.alternatives, strict=True)
     pairs += [(one.pose, other.pose) for one, other in others]
     for one, other in pairs:
-        assert one.matrix == pytest.approx(other.about(FAR).matrix, abs=1e-6)
+        assert one.matrix == pytest.approx(other.rebase(FAR).matrix, abs=1e-6)
         assert one.camera_center == pytest.approx(other.camera_center - FAR, abs=1e-6)
     assert there.estimate.covariance == pytest.approx(here.estimate.covariance, rel=1e-6)
     assert there.log_odds == pytest.approx(here.log_odds, abs=1e-9)
-    assert there.prior == KNOWN.about(-FAR)
+    assert there.prior == KNOWN.rebase(-FAR)
 
 
 def test_the_scanner_s_place_is_where_the_camera_is_assumed(few: None, worlds: list[World]) -> None:
@@ -337,12 +337,12 @@ def test_wrong_frames_are_named(worlds: list[World]) -> None:
 
 def test_clouds_are_looked_at_from_where_the_prior_has_the_camera(few: None, worlds: list[World]) -> None:
     far = worlds[0]._replace(points=worlds[0].points + FAR)
-    near = replace(KNOWN.about(-FAR), up_sigma_deg=1.0)
-    mounted = about_mount(worlds[0].pose.about(-FAR), 3.0, 0.1)
+    near = replace(KNOWN.rebase(-FAR), up_sigma_deg=1.0)
+    mounted = about_mount(worlds[0].pose.rebase(-FAR), 3.0, 0.1)
     for prior in (near, mounted):
         calibration = rp.calibrate([far.frame()], prior=prior)
         assert calibration.prior == prior and calibration.edges > 500
-    assert_right(calibration, worlds[0].pose.about(-FAR))
+    assert_right(calibration, worlds[0].pose.rebase(-FAR))
 
 
 def test_an_initial_pose_alone_says_where_the_camera_is(few: None, worlds: list[World]) -> None:

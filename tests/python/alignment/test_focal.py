@@ -66,7 +66,7 @@ def test_a_photo_that_shows_none_of_the_edges_says_nothing() -> None:
 def test_a_percent_moves_the_pose_as_stated(seed: int) -> None:
     focal = focal_of(judged(CAMERA, seed))
     shorter, longer = (judged(CAMERA.zoomed(factor), seed).pose for factor in (0.99, 1.01))
-    found = 0.5 * shorter.increment_to(longer)
+    found = 0.5 * shorter.local_coordinates(longer)
     assert np.linalg.norm(focal.shift[3:] - found[3:]) < 0.2 * np.linalg.norm(found[3:])
     assert focal.shift_m == pytest.approx(np.linalg.norm(longer.camera_center - shorter.camera_center) / 2.0, rel=0.2)
 

@@ -30,7 +30,7 @@ def estimate_of(shares: list[float]) -> rp.PoseEstimate:
         Alternative(turned(30.0 * number), TIGHT, share, share, 0.01, np.zeros(2))
         for number, share in enumerate(shares[1:], start=1)
     ]
-    return replace(whole, share=shares[0], covariance=TIGHT, alternatives=tuple(others))
+    return replace(whole, mode_probability=shares[0], covariance=TIGHT, alternatives=tuple(others))
 
 
 WHOLE = estimate_of([1.0])
@@ -41,7 +41,7 @@ def with_shares(shares: list[float]) -> rp.PoseEstimate:
         Alternative(turned(30.0 * number), TIGHT, share, share, 0.01, np.zeros(2))
         for number, share in enumerate(shares[1:], start=1)
     ]
-    return replace(WHOLE, share=shares[0], alternatives=tuple(others))
+    return replace(WHOLE, mode_probability=shares[0], alternatives=tuple(others))
 
 
 @settings(max_examples=50, deadline=None)

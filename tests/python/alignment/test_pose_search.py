@@ -255,9 +255,9 @@ def test_a_prior_is_a_density_of_places_and_tilts() -> None:
 
 def test_a_density_does_not_depend_on_where_the_world_begins() -> None:
     shift = np.array([5e3, -2e3, 40.0])
-    here, there = (_core.Density.of_prior(prior.core) for prior in (KNOWN, KNOWN.about(-shift)))
+    here, there = (_core.Density.of_prior(prior.core) for prior in (KNOWN, KNOWN.rebase(-shift)))
     for pose in (level(0.3), level(1.0, [1.4, 1.7, 3.2], tilt_deg=2.0)):
-        assert log_at(there, pose.about(-shift)) == pytest.approx(log_at(here, pose), abs=1e-3)
+        assert log_at(there, pose.rebase(-shift)) == pytest.approx(log_at(here, pose), abs=1e-3)
 
 
 def test_a_wider_prior_is_lower_at_its_middle_and_higher_far_out() -> None:
@@ -293,7 +293,7 @@ def test_student_s_density_falls_alike_on_both_sides() -> None:
     top = log_at(density, middle)
     for axis in range(6):
         way = np.sqrt(RIGHT[axis, axis]) * np.eye(6)[axis]
-        falls = [log_at(density, middle.moved(scale * way)) - top for scale in (-2.0, -1.0, 1.0, 2.0)]
+        falls = [log_at(density, middle.retract(scale * way)) - top for scale in (-2.0, -1.0, 1.0, 2.0)]
         # Of 4 degrees of freedom in 6 dimensions.
         assert falls == pytest.approx([-5.0 * np.log1p(s * s / 4.0) for s in (2.0, 1.0, 1.0, 2.0)], rel=1e-6)
     wider = _core.Density.student(middle.rotation.as_matrix(), middle.translation, 4.0 * RIGHT)

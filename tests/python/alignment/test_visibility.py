@@ -226,7 +226,7 @@ def test_a_pose_that_hides_a_region_is_warned_of_by_name() -> None:
     alone = rp.estimate_pose(CAMERA, *sides(LEFT, RIGHT))
     assert found.focal is not None
     focal = 1.0 / (1.0 + np.exp(-found.focal.log_odds))
-    hidden = alone.share / (alone.share + 9.0 * (1.0 - alone.share))
+    hidden = alone.mode_probability / (alone.mode_probability + 9.0 * (1.0 - alone.mode_probability))
     assert estimate.confidence == pytest.approx(focal * hidden, abs=0.03)
 
 

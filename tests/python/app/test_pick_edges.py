@@ -141,7 +141,7 @@ def test_the_runner_up_is_shown_where_the_pose_is_not_trusted(drive: Path) -> No
         assert settled(desk) and holds(lambda: desk.stage == "")
         run, judged = desk.outcome.run, desk.outcome.judged
         assert run is not None and judged is not None
-        other = run.estimate.pose.moved(np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0]))
+        other = run.estimate.pose.retract(np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0]))
         place = Alternative(other, run.estimate.covariance, 0.3, 0.3, np.nan, np.empty(0))
         unsure = replace(run, estimate=replace(run.estimate, alternatives=(place,)))
         desk._show(replace(desk.outcome, run=unsure, judged=replace(judged, level="doubtful")))
@@ -366,8 +366,8 @@ def test_frames_far_from_zero_share_one_origin(drive: Path, worlds: list[World])
         write_ply(drive / f"000{number}.ply", Cloud.from_points(points + far, intensity=intensity), overwrite=True)
     frames = Frames.of_folder(drive, drive.parent / "cameras.txt")
     session = frames.turned_to(0)
-    truth = worlds[0].pose.about(-far)
-    start = pose_of(45.0).about(-far)
+    truth = worlds[0].pose.rebase(-far)
+    start = pose_of(45.0).rebase(-far)
     session.base["prior"] = {"initial": {"camera_from_world": {"matrix": start.matrix.tolist()}}, **SHARED}
     run = session.estimate_edges(session.edge_values())
     assert_right(run.estimate.pose, truth)

@@ -92,7 +92,7 @@ def test_the_cloud_is_drawn_over_the_photo_at_the_current_pose(session: Session,
         drawn = shown[tuple(np.round(pixels[seen][:, ::-1]).astype(int).T)]
         assert np.ptp(drawn, axis=1).mean() > 40.0, "the dots are colored, the photo below them is gray"
         before = desk.depth_files
-        moved = replace(run, estimate=replace(run.estimate, pose=run.estimate.pose.moved(np.full(6, 0.05))))
+        moved = replace(run, estimate=replace(run.estimate, pose=run.estimate.pose.retract(np.full(6, 0.05))))
         desk._show(replace(desk.outcome, run=moved))
         assert desk.depth_files != before and desk.files["depth.jpg"].content != first.content
         desk.show_depth(False)

@@ -256,7 +256,7 @@ def test_confidences_rank_poses_as_they_say_if_they_are_right_as_often() -> None
 def test_answers_that_fit_alike_share_the_confidence(side: Literal["2d", "3d"]) -> None:
     problem = draw_problem(perspective_setup(), Condition(templates="symmetric", side=side, noise=0.05), 3)
     estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions)
-    shares = [estimate.share, *(other.share for other in estimate.alternatives)]
+    shares = [estimate.mode_probability, *(other.mode_probability for other in estimate.alternatives)]
     assert len(shares) >= 2 and 0.8 < sum(shares) <= 1.0 and max(shares) < 0.8
 
 
@@ -268,7 +268,7 @@ def test_no_pose_of_little_confidence_goes_without_a_warning(model: NoiseModel) 
         estimate = estimate_pose(
             problem.camera, problem.image_regions, problem.world_regions, solver=Solver(driver="native")
         )
-        stated = estimate.share + sum(other.share for other in estimate.alternatives)
+        stated = estimate.mode_probability + sum(other.mode_probability for other in estimate.alternatives)
         assert stated > 0.97 or estimate.warnings, f"seed {seed}: {stated}"
         found.append(stated)
     assert max(found) > 0.97

@@ -100,7 +100,7 @@ def test_an_argument_of_another_kind_is_named(
 
 def test_all_that_users_give_is_looked_at() -> None:
     names = {name for name, *_ in CASES}
-    assert {"estimate_pose", "estimate_rig", "colorize", "check_alignment", "Pose.increment_to"} <= names
+    assert {"estimate_pose", "estimate_rig", "colorize", "check_alignment", "Pose.local_coordinates"} <= names
     assert {"ImageRegion.bearings", "SceneFrame", "write_ply", "estimate_scene"} <= names
     assert len(CASES) >= 40
 

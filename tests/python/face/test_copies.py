@@ -69,7 +69,7 @@ def public_objects() -> dict[str, list[Any]]:
         rp.ImageRegion.from_polygon([[10, 10], [110, 10], [110, 60], [10, 60]], hidden_edges=[1]),
         rp.ImageRegion.from_mask(np.pad(np.ones((20, 30)), 5)),
         rp.Alternative(pose, np.eye(6), 0.5, 0.5, 0.1, np.zeros(2)),
-        rp.Crease((0, 1), np.zeros((2, 3))),
+        rp.SharedEdge((0, 1), np.zeros((2, 3))),
         rp.CameraRefinement(demo.camera, pose, "refined", ("fx",), np.zeros(1), np.zeros(1), np.eye(7), (), (1.0, 0.5)),
         *frames,
         rp.PoseWarning("ambiguous", "{0} is off", (0,)),

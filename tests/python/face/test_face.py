@@ -36,7 +36,7 @@ def test_regions_of_a_cloud_in_map_coordinates_give_the_pose_there() -> None:
     rows, columns = np.meshgrid(np.arange(0.0, 1.0, 0.01), np.arange(0.0, 0.8, 0.01))
     cloud = rp.Cloud.from_points(np.stack([rows, columns, np.zeros_like(rows)], axis=-1).reshape(-1, 3) + UTM)
     image = rp.ImageRegion.from_polygon(CAMERA.project(POSE @ WIDE))
-    given = rp.Prior(initial=POSE.about(-UTM))
+    given = rp.Prior(initial=POSE.rebase(-UTM))
     estimate = rp.estimate_pose(CAMERA, [image], [rp.WorldRegion.from_points(cloud.points)], prior=given)
     assert np.abs(estimate.pose.camera_center - POSE.camera_center - UTM).max() < 0.05
 
@@ -132,8 +132,8 @@ def test_poses_are_composed_and_taken_back() -> None:
     np.testing.assert_allclose(POSE @ (other @ PLATE), (POSE @ other) @ PLATE, atol=1e-14)
     np.testing.assert_allclose(other.rotation_matrix, other.rotation.as_matrix(), atol=1e-15)
     np.testing.assert_allclose((POSE @ POSE.inverse()).matrix, np.eye(4), atol=1e-14)
-    np.testing.assert_allclose(POSE.about(UTM) @ (PLATE - UTM), POSE @ PLATE, atol=1e-8)
-    turn, shift = np.split(POSE.increment_to(other), 2)
+    np.testing.assert_allclose(POSE.rebase(UTM) @ (PLATE - UTM), POSE @ PLATE, atol=1e-8)
+    turn, shift = np.split(POSE.local_coordinates(other), 2)
     moved = _core.moved_pose(POSE.rotation_matrix, POSE.translation, np.concatenate([turn, shift]))
     np.testing.assert_allclose(moved[0], other.rotation_matrix, atol=1e-14)
     np.testing.assert_allclose(moved[1], other.translation, atol=1e-14)
@@ -259,9 +259,9 @@ UNITLESS = {
     "xi omega polynomial center stretch ss cde": "camera models' own coefficients",
     "tolerance": "differences of colors",
     "column": "a coordinate of pixels",
-    "depth_tolerance mesh_size overlap_error disturbed_share shown_share": "shares",
+    "depth_tolerance mesh_size overlap_error outlier_fraction shown_share": "shares",
     "factor": "of focal lengths",
-    "confidence share log_odds edge_log_odds sigmas": "probabilities and their like",
+    "confidence mode_probability share log_odds edge_log_odds sigmas": "probabilities and their like",
     "lead log_mass log_ratio": "logarithms of odds",
     "values": "of a warning, each with its unit in its key",
 }

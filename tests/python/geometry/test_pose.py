@@ -238,8 +238,8 @@ def test_convention_tangents_are_rotation_first_and_applied_on_the_left() -> Non
     expected = moved_by_hand(pose, tangent)
     assert np.allclose(rotation, expected.rotation.as_matrix(), rtol=0.0, atol=1e-14)
     assert np.allclose(translation, expected.translation, rtol=0.0, atol=1e-14)
-    assert np.allclose(pose.moved(tangent).matrix, expected.matrix, rtol=0.0, atol=1e-14)
-    assert np.allclose(pose.increment_to(pose.moved(tangent)), tangent, rtol=0.0, atol=1e-14)
+    assert np.allclose(pose.retract(tangent).matrix, expected.matrix, rtol=0.0, atol=1e-14)
+    assert np.allclose(pose.local_coordinates(pose.retract(tangent)), tangent, rtol=0.0, atol=1e-14)
 
 
 @pytest.mark.parametrize("system", ["plane", "sphere"])

@@ -136,7 +136,7 @@ def test_where_beams_cannot_be_told_the_outline_counts(ground: bool) -> None:
     estimate = estimated(before_the_sky(ground), None)
     turn, shift = errors(estimate.pose)
     assert (turn < 0.5 and shift < 0.06) or "weak-geometry" in {warning.code for warning in estimate.warnings}
-    way = estimate.pose.increment_to(POSE)
+    way = estimate.pose.local_coordinates(POSE)
     assert way @ np.linalg.solve(estimate.covariance, way) < 22.5, "as of 999 of 1000 poses"
 
 

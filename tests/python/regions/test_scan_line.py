@@ -146,7 +146,7 @@ def test_a_line_makes_a_pose_more_exact(seed: int) -> None:
         pairs = zip(problem.image_regions, problem.world_regions, kept, strict=True)
         images, worlds = zip(*((image, world) for image, world, is_kept in pairs if is_kept), strict=True)
         estimate = rp.estimate_pose(problem.camera, images, worlds)
-        way = estimate.pose.increment_to(true)
+        way = estimate.pose.local_coordinates(true)
         # One in a hundred poses is farther off (chi-squared of 6 degrees of freedom: 16.8).
         assert way @ np.linalg.solve(estimate.covariance, way) < 16.8
         deviations.append(np.sqrt(np.trace(estimate.covariance[:3, :3])))
@@ -174,7 +174,7 @@ def test_the_lines_of_many_frames_give_a_pose() -> None:
         images, worlds = zip(*lines, strict=True)
         frames.append(rp.Frame(images, worlds))
     together = rp.estimate_rig(problem.camera, frames, solver=rp.Solver(max_rotation_sigma_deg=2.0))
-    way = together.estimate.pose.increment_to(RIG)
+    way = together.estimate.pose.local_coordinates(RIG)
     assert way @ np.linalg.solve(together.estimate.covariance, way) < 16.8
     assert np.linalg.norm(way[:3]) < np.radians(1.0)
     assert not together.warnings

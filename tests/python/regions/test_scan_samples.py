@@ -146,7 +146,7 @@ def test_what_a_region_encloses_counts_where_its_image_has_a_hole() -> None:
     cores = [region.core.with_samples(inside, outside, within) for within in (enclosed, enclosed[:0])]
     image = rp.ImageRegion.from_polygon(camera.project(outline))
     with_them, alone = (rp.estimate_pose(camera, [image], [rp.WorldRegion(core, ())]) for core in cores)
-    apart = alone.pose.increment_to(with_them.pose)
+    apart = alone.pose.local_coordinates(with_them.pose)
     assert apart @ np.linalg.solve(alone.covariance, apart) < 0.01**2
     np.testing.assert_allclose(np.diag(with_them.covariance), np.diag(alone.covariance), rtol=1e-2)
 

@@ -20,7 +20,7 @@ from regionpose.alignment import pose_search
 from regionpose.io.clouds import Cloud, write_ply
 from regionpose.io.yaml_text import to_yaml
 from regionpose.progress import UnwantedError, while_wanted
-from regionpose.scene import SceneError, SceneSides, Stages, estimate_scene, load_scene, scene_result
+from regionpose.scene import SceneData, SceneError, Stages, estimate_scene, load_scene, scene_result
 from regionpose.scene.bundle import bundle, file_names
 from regionpose.scene.folder import FolderOptions, pair_scene
 from regionpose.scene.verdict import DOUBTFUL, verdict
@@ -227,7 +227,7 @@ def test_planes_are_not_matched_by_edges_that_tell_no_pose(
     Image.fromarray(worlds[1].photo[:, ::-1]).save(pair / "0001.png")
     asked: list[int] = []
 
-    def matcher(sides: SceneSides) -> SceneSides:
+    def matcher(sides: SceneData) -> SceneData:
         asked.append(len(sides.names))
         raise rp.PoseError("asked")
 
@@ -264,16 +264,16 @@ def test_a_scene_of_a_map_s_grid_gives_its_pose_there(worlds: list[World], tmp_p
     write_pair(tmp_path, worlds[0], "0001", FAR)
     prior = {
         "up": [0.0, 0.0, 1.0],
-        "initial": {"camera_from_world": {"matrix": pose_of(45.0).about(-FAR).matrix.tolist()}},
+        "initial": {"camera_from_world": {"matrix": pose_of(45.0).rebase(-FAR).matrix.tolist()}},
         "initial_rotation_sigma_deg": 5.0,
         "initial_center_sigma_m": 0.3,
     }
     run_ = estimate_scene(load_scene(write_scene(tmp_path, prior=prior, sensor_origin=FAR.tolist())))
-    assert_right(run_.estimate.pose.about(FAR).matrix, worlds[0].pose)
+    assert_right(run_.estimate.pose.rebase(FAR).matrix, worlds[0].pose)
     result = scene_result(run_)
     held = result["edge_search"]["prior"]
     assert np.allclose(held["camera_near_m"], FAR, atol=1e-6)
-    assert np.allclose(held["initial_camera_from_world"]["matrix"], pose_of(45.0).about(-FAR).matrix, atol=1e-6)
+    assert np.allclose(held["initial_camera_from_world"]["matrix"], pose_of(45.0).rebase(-FAR).matrix, atol=1e-6)
     for other in run_.estimate.alternatives:
         assert np.linalg.norm(other.pose.camera_center - FAR) < 5.0
 

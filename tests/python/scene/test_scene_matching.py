@@ -124,10 +124,10 @@ def test_frames_give_one_pose(tmp_path: Path) -> None:
     assert run.names == ("one: floor", "two: wall")
     result = scene_result(run)
     assert [frame["name"] for frame in result["frames"]] == ["one", "two"]
-    assert run.scatter is not None
-    assert result["frame_scatter"] == {
-        "rotation_sigma_deg": run.scatter.rotation_sigma_deg,
-        "center_sigma_m": run.scatter.center_sigma_m,
+    assert run.between_frame_sigma is not None
+    assert result["between_frame_sigma"] == {
+        "rotation_sigma_deg": run.between_frame_sigma.rotation_sigma_deg,
+        "center_sigma_m": run.between_frame_sigma.center_sigma_m,
     }
     assert [region["name"] for region in result["regions"]] == ["one: floor", "two: wall"]
     assert result["image"] is None

@@ -68,7 +68,7 @@ def test_edges_refine_a_rough_pose(tmp_path: Path) -> None:
     assert (errors(run.estimate.pose) < 0.7 * errors(rough.estimate.pose)).all()
     assert run.estimate.confidence > 0.99
     assert found.regions is not None
-    assert found.regions.pose.about(-run.sides.origin).camera_center == pytest.approx(
+    assert found.regions.pose.rebase(-run.sides.origin).camera_center == pytest.approx(
         rough.estimate.pose.camera_center, abs=1e-6
     )
     whole, each = run.sides.overlap_errors(run.estimate.pose)

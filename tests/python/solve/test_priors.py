@@ -190,7 +190,7 @@ def test_a_prior_keeps_numbers_and_can_be_changed() -> None:
 
 def test_a_prior_about_another_origin_says_the_same() -> None:
     shift = np.array([512_300.0, 5_405_700.0, 100.0])
-    prior = rp.Prior(up=[0.0, 0.0, 1.0], initial=POSE, camera_near=shift + 1.0).about(shift)
+    prior = rp.Prior(up=[0.0, 0.0, 1.0], initial=POSE, camera_near=shift + 1.0).rebase(shift)
     assert prior.initial is not None and prior.up == (0.0, 0.0, 1.0) and prior.camera_near == (1.0, 1.0, 1.0)
     np.testing.assert_allclose(prior.initial.camera_center, POSE.camera_center - shift, atol=1e-9)
 

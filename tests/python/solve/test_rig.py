@@ -68,7 +68,7 @@ def test_the_pose_of_a_rig_is_that_of_all_its_regions() -> None:
     camera, frames = fisheye_frames(0, 3)
     rig = rp.estimate_rig(camera, frames)
     joint = rp.estimate_pose(camera, *sides(frames), solver=rp.Solver(driver="native"))
-    apart = joint.pose.increment_to(rig.pose)
+    apart = joint.pose.local_coordinates(rig.pose)
     assert apart @ np.linalg.solve(joint.covariance, apart) < 6.0
     areas = np.array(
         [sum(_core.spherical_moments(r.bearings(camera), 0).ravel()) for f in frames for r in f.image_regions]
@@ -86,7 +86,7 @@ def test_the_pose_of_a_rig_is_that_of_all_its_regions() -> None:
 def test_the_pose_without_a_frame_is_that_of_the_others() -> None:
     camera, frames = perspective_frames(0, 3)
     rig = rp.estimate_rig(camera, frames)
-    one = rig.influence[1]
+    one = rig.leave_one_out[1]
     others = rp.estimate_pose(
         camera, *sides([frames[0], frames[2]]), prior=rp.Prior(initial=rig.pose), solver=rp.Solver(driver="native")
     )
@@ -102,7 +102,7 @@ def test_the_pose_without_a_frame_is_that_of_the_others() -> None:
 def test_one_frame_has_no_influence() -> None:
     camera, frames = fisheye_frames(0, 1)
     rig = rp.estimate_rig(camera, frames)
-    assert rig.influence == () and rig.scatter is None
+    assert rig.leave_one_out == () and rig.between_frame_sigma is None
     alone = rp.estimate_pose(camera, *sides(frames), solver=rp.Solver(driver="native"))
     assert np.array_equal(rig.pose.matrix, alone.pose.matrix) and np.array_equal(rig.covariance, alone.covariance)
 
@@ -114,11 +114,11 @@ def test_errors_of_whole_frames_are_allowed_for() -> None:
     off = [moved(frame, way) for frame, way in zip(frames, ways, strict=True)]
     calm, rig = rp.estimate_rig(camera, frames), rp.estimate_rig(camera, off)
     joint = rp.estimate_pose(camera, *sides(off), solver=rp.Solver(driver="native", **EXACT_EXPOSURE))
-    assert calm.scatter is not None and rig.scatter is not None
-    assert calm.scatter.center_sigma_m < 3e-4 and 1e-3 < rig.scatter.center_sigma_m < 4e-3
+    assert calm.between_frame_sigma is not None and rig.between_frame_sigma is not None
+    assert calm.between_frame_sigma.center_sigma_m < 3e-4 and 1e-3 < rig.between_frame_sigma.center_sigma_m < 4e-3
     assert rig.estimate.confidence <= joint.confidence + 1e-12
     squared = [
-        pose.increment_to(RIG) @ np.linalg.solve(held, pose.increment_to(RIG)) / 6.0
+        pose.local_coordinates(RIG) @ np.linalg.solve(held, pose.local_coordinates(RIG)) / 6.0
         for pose, held in ((joint.pose, joint.covariance), (rig.pose, rig.covariance))
     ]
     assert squared[1] < 1.5 < squared[0]
@@ -137,11 +137,11 @@ def test_true_poses_of_rigs_are_where_the_covariance_says(
         camera, frames = draw(seed, count)
         rig = rp.estimate_rig(camera, frames)
         joint = rp.estimate_pose(camera, *sides(frames), solver=rp.Solver(driver="native"))
-        away = rig.pose.increment_to(RIG)
+        away = rig.pose.local_coordinates(RIG)
         squared.append(away @ np.linalg.solve(rig.covariance, away))
         errors.append(
             [
-                [np.linalg.norm(pose.increment_to(RIG)[:3]), np.linalg.norm(pose.increment_to(RIG)[3:])]
+                [np.linalg.norm(pose.local_coordinates(RIG)[:3]), np.linalg.norm(pose.local_coordinates(RIG)[3:])]
                 for pose in (rig.pose, joint.pose)
             ]
         )
@@ -161,8 +161,8 @@ def test_a_frame_whose_world_was_moved_is_named(
     rig = rp.estimate_rig(camera, frames)
     assert codes(rig) == ["outlier-frame"]
     assert "the moved one disagrees" in str(rig.warnings[-1])
-    assert rig.influence[wrong].is_outlier
-    assert millimeters(rig.influence[wrong].pose, frames) < 1.0
+    assert rig.leave_one_out[wrong].is_outlier
+    assert millimeters(rig.leave_one_out[wrong].pose, frames) < 1.0
 
 
 def test_two_moved_frames_of_six_are_named_and_of_two_frames_both() -> None:
@@ -198,7 +198,7 @@ def test_a_contour_that_is_not_in_view_lies_no_infinite_number_of_pixels_off() -
     behind = [rp.WorldRegion.from_polygon([-ring for ring in region.rings]) for region in frames[1].world_regions]
     rig = rp.estimate_rig(camera, [frames[0], replace(frames[1], world_regions=behind), *frames[2:]])
     warning = next(warning for warning in rig.warnings if warning.code == "outlier-frame")
-    assert rig.influence[1].residual_px == np.inf
+    assert rig.leave_one_out[1].residual_px == np.inf
     assert all(np.isfinite(value) for value in warning.values.values() if not isinstance(value, str))
     assert "inf" not in warning.message.split()
 
@@ -300,8 +300,8 @@ def test_a_disc_alone_leaves_a_direction_free_and_names_nobody() -> None:
     image = rp.ImageRegion.from_polygon(camera.project(disc))
     rig = rp.estimate_rig(camera, [*frames, rp.Frame([image], [world_of(RIG.inverse().transform(disc))], "disc")])
     assert codes(rig) == []
-    assert rig.influence[0].expected_px > 10.0 * rig.influence[1].expected_px
-    error = rig.pose.increment_to(RIG)
+    assert rig.leave_one_out[0].expected_px > 10.0 * rig.leave_one_out[1].expected_px
+    error = rig.pose.local_coordinates(RIG)
     assert error @ np.linalg.solve(rig.covariance, error) < SIGMAS**2 * 6.0
 
 
@@ -318,7 +318,7 @@ def test_polygons_without_error_have_a_pose_and_a_covariance() -> None:
         for frame in frames
     ]
     rig = rp.estimate_rig(camera, exact)
-    assert np.abs(rig.pose.increment_to(RIG)).max() < 1e-6
+    assert np.abs(rig.pose.local_coordinates(RIG)).max() < 1e-6
     assert np.isfinite(rig.covariance).all()
 
 
@@ -334,7 +334,7 @@ def test_a_frame_at_another_place_does_not_move_the_pose() -> None:
     rig = rp.estimate_rig(camera, [*frames[:2], replace(frames[2], world_regions=worlds)])
     assert codes(rig) == ["outlier-frame"]
     assert np.degrees((rig.pose.rotation * RIG.rotation.inv()).magnitude()) < 0.02
-    assert rig.scatter is not None and rig.scatter.rotation_sigma_deg < 0.01
+    assert rig.between_frame_sigma is not None and rig.between_frame_sigma.rotation_sigma_deg < 0.01
 
 
 def test_a_vertex_on_the_rim_of_the_view_has_no_derivative() -> None:

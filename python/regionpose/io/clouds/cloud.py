@@ -249,7 +249,7 @@ class Cloud(KeptArrays):
         """The same, scanned from a place (3,) of the world."""
         return replace(self, sensor_origin=np.asarray(place, dtype=np.float64))
 
-    def about(self, origin: ArrayLike) -> Cloud:
+    def rebase(self, origin: ArrayLike) -> Cloud:
         """The same world points, kept about another origin (3,)."""
         other = np.asarray(origin, dtype=np.float64)
         if np.array_equal(other, self.origin):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from regionpose.solve.frame_scatter import Factor, scattered
+from regionpose.solve.between_frame_sigma import Factor, scattered
 from scipy.linalg import block_diag
 from scipy.stats import chi2
 
@@ -122,7 +122,7 @@ def test_true_poses_lie_in_the_ellipsoid_however_far_frames_are_off(times: float
     covariances = [covariance_of(generator) for _ in range(60)]
     off = [np.linalg.cholesky(c) @ generator.normal(size=6) for c in covariances]
     places = [place + times * UNITS * generator.normal(size=6) for place in off]
-    many = scattered([factor_of(p, c) for p, c in zip(places, covariances, strict=True)], NOTHING).scatter
+    many = scattered([factor_of(p, c) for p, c in zip(places, covariances, strict=True)], NOTHING).between_frame_sigma
     turn, shift = np.radians(many.rotation_sigma_deg) / UNITS[0], many.center_sigma_m / UNITS[3]
     assert abs(turn - times) < 0.2 + 0.15 * times and abs(shift - times) < 0.2 + 0.15 * times
 

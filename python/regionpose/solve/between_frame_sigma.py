@@ -53,7 +53,7 @@ class Factor(NamedTuple):
 
 
 @dataclass(frozen=True)
-class FrameScatter:
+class BetweenFrameSigma:
     """How far a frame is off as a whole, beside what its regions say of it (docs/math.md, eq. 12.8).
 
     Parameters
@@ -73,7 +73,7 @@ class Scattered(NamedTuple):
 
     increment: Array
     covariance: Array
-    scatter: FrameScatter
+    between_frame_sigma: BetweenFrameSigma
 
 
 class _Averaged(NamedTuple):
@@ -102,7 +102,7 @@ def scattered(frames: Sequence[Factor], known: Factor) -> Scattered:
     away = increments - mean
     covariance = np.einsum("n,nij->ij", weights, covariances) + np.einsum("n,ni,nj->ij", weights, away, away)
     turn, shift = np.sqrt(weights @ variances).tolist()
-    return Scattered(mean, 0.5 * (covariance + covariance.T), FrameScatter(float(np.degrees(turn)), shift))
+    return Scattered(mean, 0.5 * (covariance + covariance.T), BetweenFrameSigma(float(np.degrees(turn)), shift))
 
 
 def _averaged(frames: Sequence[Factor], known: Factor, logs: Sequence[Array] | Array) -> _Averaged:
