@@ -87,8 +87,9 @@ pub use options::{FrameSigma, Limits, Options, Refinement, Start};
 pub use prior::{PoseSigma, Prior};
 pub use problem::Problem;
 pub use region::{ObservedRegion, WorldRegion};
-pub use search::candidates::Search;
-pub use verdict::estimate::{Estimate, Solution};
+pub use search::Search;
+pub use verdict::estimate::Estimate;
+pub use verdict::solution::Solution;
 pub use verdict::warning::Warning;
 
 /// The README's Rust blocks, run as tests.

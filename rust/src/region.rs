@@ -1,25 +1,29 @@
 //! Regions of the 3D data: planar regions with holes and triangulated surface patches, valid by construction.
 
 pub(crate) mod derived;
+mod plane;
+mod points;
 pub mod samples;
+mod surface;
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::error::{Error, Result};
+use crate::geometry::edge_field::EdgeField;
 use crate::geometry::pose::check_rotation;
 use crate::geometry::rings::PlaneRings;
+use crate::moments::shape::NormalizedShape;
 use derived::Derived;
+use plane::check_planar;
+use points::{extent, span};
 use samples::Samples;
+use surface::{boundary_rings, check_indices};
 
-/// Largest distance of a vertex from the region's plane, as a share of the region's extent: surveyed or picked corners are
-/// good to a few millimeters in a meter, while a ring bent more than this is not one plane.
-const PLANARITY_TOLERANCE: f64 = 0.01;
-
-/// Smallest share of the extent that a region must have across, below which no plane can be told.
-const MIN_WIDTH: f64 = 1e-6;
+pub use plane::PlaneFrame;
+pub(crate) use points::check_finite;
+pub use surface::Surface;
 
 /// Height above the plane, as a share of the distance, below which a point is on no side of it: a twentieth of a degree.
 const ON_EDGE: f64 = 1e-3;
@@ -85,61 +89,6 @@ impl ObservedRegion {
     }
 }
 
-/// A plane's own coordinates: `X = origin + u axes[0] + v axes[1]`, normal `axes[2]`, right-handed.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PlaneFrame {
-    /// A point of the plane, world.
-    pub origin: Vector3<f64>,
-    /// Unit axes u, v and the normal, world.
-    pub axes: [Vector3<f64>; 3],
-}
-
-impl PlaneFrame {
-    /// Least squares plane of points, with its origin at their mean.
-    ///
-    /// # Errors
-    /// When the points are identical or on one line.
-    pub fn fit(points: &[Vector3<f64>]) -> Result<Self> {
-        let origin = points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64;
-        let spread: Matrix3<f64> = points.iter().map(|p| (p - origin) * (p - origin).transpose()).sum();
-        let largest = spread.diagonal().max();
-        let degenerate = || Error::OutOfRange {
-            item: "the region's points",
-            found: format!("{} points that are identical or on one line", points.len()),
-            needed: "at least 3 points that span a plane".into(),
-        };
-        if points.len() < 3 || largest <= f64::MIN_POSITIVE {
-            return Err(degenerate());
-        }
-        // Scaling keeps the iteration's tolerance meaningful for any unit of length.
-        let eigen = (spread / largest).try_symmetric_eigen(f64::EPSILON, 1000).ok_or_else(degenerate)?;
-        let mut order = [0, 1, 2];
-        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-        if eigen.eigenvalues[order[1]].max(0.0).sqrt() < MIN_WIDTH * eigen.eigenvalues[order[0]].sqrt() {
-            return Err(degenerate());
-        }
-        let u = eigen.eigenvectors.column(order[0]).normalize();
-        let v = eigen.eigenvectors.column(order[1]).normalize();
-        Ok(Self { origin, axes: [u, v, u.cross(&v)] })
-    }
-
-    /// Plane coordinates of a world point, its height above the plane left out.
-    pub fn flat(&self, point: &Vector3<f64>) -> Vector2<f64> {
-        let offset = point - self.origin;
-        Vector2::new(self.axes[0].dot(&offset), self.axes[1].dot(&offset))
-    }
-
-    /// The world point at plane coordinates.
-    pub fn lifted(&self, point: &Vector2<f64>) -> Vector3<f64> {
-        self.origin + self.axes[0] * point.x + self.axes[1] * point.y
-    }
-
-    /// Signed distance of a world point from the plane.
-    pub fn height(&self, point: &Vector3<f64>) -> f64 {
-        self.axes[2].dot(&(point - self.origin))
-    }
-}
-
 /// A region of the 3D data: its outline in a plane's coordinates, and its surface where that is not the plane itself.
 ///
 /// ```
@@ -168,17 +117,6 @@ pub struct WorldRegion {
     samples: Option<Samples>,
     /// Whether one line of its plane is all that is known.
     is_line: bool,
-}
-
-/// An open triangulated surface: consistently oriented triangles and the rings of its boundary.
-#[derive(Debug, Clone)]
-pub struct Surface {
-    /// World vertices.
-    pub vertices: Vec<Vector3<f64>>,
-    /// Vertex indices of each triangle.
-    pub triangles: Vec<[usize; 3]>,
-    /// The boundary rings, world.
-    pub rings: Vec<Vec<Vector3<f64>>>,
 }
 
 impl WorldRegion {
@@ -346,56 +284,30 @@ impl WorldRegion {
             }
         }
     }
-}
 
-/// Refuses coordinates that are not finite, naming the first.
-pub(crate) fn check_finite(item: &str, points: &[Vector3<f64>]) -> Result<()> {
-    for (index, point) in points.iter().enumerate() {
-        if let Some(&value) = point.iter().find(|value| !value.is_finite()) {
-            return Err(Error::NotFinite { item: item.into(), index, value });
-        }
+    /// The edges of the outline in plane coordinates.
+    pub(crate) fn edge_field(&self) -> Arc<EdgeField> {
+        self.derived.edge_field(&self.outline)
     }
-    Ok(())
-}
 
-fn check_planar(rings: &[Vec<Vector3<f64>>], frame: &PlaneFrame) -> Result<()> {
-    let allowed = PLANARITY_TOLERANCE * extent(&rings.concat());
-    let farthest = |vertices: &Vec<Vector3<f64>>| vertices.iter().map(|x| frame.height(x).abs()).fold(0.0, f64::max);
-    // One bent ring tilts the plane of all: the ring farthest off is the one to name.
-    let worst = rings.iter().map(farthest).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
-    match worst {
-        Some((ring, distance)) if distance > allowed => Err(Error::NotPlanar { ring, distance, allowed }),
-        _ => Ok(()),
+    /// The outline's rings by fewer vertices, in plane coordinates, for a first look.
+    pub(crate) fn coarse(&self) -> &[Vec<Vector2<f64>>] {
+        self.derived.coarse(&self.outline)
     }
-}
 
-fn check_indices(vertices: &[Vector3<f64>], triangles: &[[usize; 3]]) -> Result<()> {
-    let worst = triangles.iter().flatten().max();
-    match worst {
-        None => {
-            Err(Error::OutOfRange { item: "the number of triangles", found: "0".into(), needed: "at least 1".into() })
-        }
-        Some(&index) if index >= vertices.len() => Err(Error::OutOfRange {
-            item: "a triangle's vertex index",
-            found: index.to_string(),
-            needed: format!("below the number of vertices, {}", vertices.len()),
-        }),
-        Some(_) => Ok(()),
+    /// The corners of each boundary ring, world.
+    pub(crate) fn corners(&self) -> &[Vec<Vector3<f64>>] {
+        self.derived.corners(&self.outline, || self.rings())
     }
-}
 
-/// Largest side of the bounding box.
-fn extent(points: &[Vector3<f64>]) -> f64 {
-    (0..3).map(|axis| span(points.iter().map(|p| p[axis]))).fold(0.0, f64::max)
+    /// The outline's shape whatever affine map it is seen under; `None` where it is too slender for one.
+    pub(crate) fn shape(&self) -> Option<&NormalizedShape> {
+        self.derived.shape(&self.outline)
+    }
 }
 
 fn height_range(points: &[Vector3<f64>], frame: &PlaneFrame) -> f64 {
     span(points.iter().map(|p| frame.height(p)))
-}
-
-fn span(values: impl Iterator<Item = f64>) -> f64 {
-    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
-    (high - low).max(0.0)
 }
 
 fn largest_first(mut rings: Vec<Vec<Vector2<f64>>>) -> Vec<Vec<Vector2<f64>>> {
@@ -404,54 +316,4 @@ fn largest_first(mut rings: Vec<Vec<Vector2<f64>>>) -> Vec<Vec<Vector2<f64>>> {
     };
     rings.sort_by(|a, b| size(b).total_cmp(&size(a)));
     rings
-}
-
-/// The rings of edges that belong to one triangle only, in the triangles' own direction.
-fn boundary_rings(vertices: &[Vector3<f64>], triangles: &[[usize; 3]]) -> Result<Vec<Vec<Vector3<f64>>>> {
-    let mut directed = HashMap::new();
-    for (index, t) in triangles.iter().enumerate() {
-        for side in 0..3 {
-            let edge = (t[side], t[(side + 1) % 3]);
-            if edge.0 == edge.1 || directed.insert(edge, index).is_some() {
-                return Err(Error::BadMesh {
-                    found: format!("edge {} to {} twice in the same direction", edge.0, edge.1),
-                    needed: "triangles with distinct corners that all turn the same way, at most two on an edge",
-                });
-            }
-        }
-    }
-    let mut next: HashMap<usize, usize> = HashMap::new();
-    for &(a, b) in directed.keys().filter(|&&(a, b)| !directed.contains_key(&(b, a))) {
-        if next.insert(a, b).is_some() {
-            return Err(Error::BadMesh {
-                found: format!("a boundary that passes vertex {a} twice"),
-                needed: "a boundary of simple rings",
-            });
-        }
-    }
-    trace(next).map(|rings| rings.iter().map(|ring| ring.iter().map(|&v| vertices[v]).collect()).collect())
-}
-
-fn trace(mut next: HashMap<usize, usize>) -> Result<Vec<Vec<usize>>> {
-    let mut starts: Vec<usize> = next.keys().copied().collect();
-    starts.sort_unstable();
-    let mut rings = Vec::new();
-    for start in starts {
-        let mut ring = Vec::new();
-        let mut at = start;
-        while let Some(to) = next.remove(&at) {
-            ring.push(at);
-            at = to;
-        }
-        if !ring.is_empty() {
-            rings.push(ring);
-        }
-    }
-    if rings.is_empty() {
-        return Err(Error::BadMesh {
-            found: "a closed surface".into(),
-            needed: "an open patch, one side of which the camera sees",
-        });
-    }
-    Ok(rings)
 }

@@ -16,7 +16,7 @@ use regionpose::mesh::even_mesh::even_mesh;
 use regionpose::mesh::triangulation::{MeshOptions, triangulate};
 use regionpose::options::Options;
 use regionpose::problem::MOST_LOOKS;
-use regionpose::verdict::estimate::overlap_errors;
+use regionpose::verdict::coverage::overlap_errors;
 use regionpose::view::chart::Chart;
 use regionpose::{Error, Integration, ObservedRegion, Pose, Problem, System, WorldRegion};
 

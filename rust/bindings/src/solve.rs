@@ -15,8 +15,8 @@ use regionpose::equations::system::{System, Weighting};
 use regionpose::error::Error;
 use regionpose::options::{FrameSigma, Limits, Options, Refinement, Start};
 use regionpose::problem;
-use regionpose::search::candidates;
-use regionpose::verdict::{estimate, weakness};
+use regionpose::search;
+use regionpose::verdict::{coverage, estimate, solution, weakness};
 
 use crate::arrays::{
     covariance, kept, matrix, optional, pose, read_only, rotation, scalar, tangent, translation, value_error,
@@ -133,7 +133,7 @@ pub struct Solution {
 }
 
 impl Solution {
-    fn held(&self) -> &estimate::Solution {
+    fn held(&self) -> &solution::Solution {
         self.alternative.map_or(&self.whole.best, |index| &self.whole.alternatives[index])
     }
 }
@@ -357,7 +357,7 @@ impl Problem {
         translation: &Bound<'py, PyAny>,
     ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
         let pose = pose(rotation, translation)?;
-        let (whole, errors) = py.detach(|| estimate::overlap_errors(&self.0, &pose));
+        let (whole, errors) = py.detach(|| coverage::overlap_errors(&self.0, &pose));
         Ok((whole, PyArray1::from_vec(py, errors)))
     }
 
@@ -439,7 +439,7 @@ fn residual_jacobian<'py>(py: Python<'py>, evaluation: &Evaluation) -> PyResult<
 
 /// What a search found: candidates, and their equations on the scale of the boundary noise.
 #[pyclass(frozen, module = "regionpose._core")]
-pub struct Search(candidates::Search);
+pub struct Search(search::Search);
 
 #[pymethods]
 impl Search {

@@ -5,9 +5,8 @@ use std::sync::{Arc, OnceLock};
 
 use nalgebra::{Vector2, Vector3};
 
-use super::WorldRegion;
 use crate::geometry::edge_field::EdgeField;
-use crate::geometry::rings::signed_area;
+use crate::geometry::rings::{PlaneRings, signed_area};
 use crate::geometry::simplified::simplified;
 use crate::moments::shape::NormalizedShape;
 
@@ -28,30 +27,34 @@ pub(crate) struct Derived {
     shape: OnceLock<Option<NormalizedShape>>,
 }
 
-impl WorldRegion {
-    /// The edges of the outline in plane coordinates.
-    pub(crate) fn edge_field(&self) -> Arc<EdgeField> {
-        self.derived.field.get_or_init(|| EdgeField::new(self.outline.rings()).into()).clone()
+impl Derived {
+    /// The edges of an outline.
+    pub(super) fn edge_field(&self, outline: &PlaneRings) -> Arc<EdgeField> {
+        self.field.get_or_init(|| EdgeField::new(outline.rings()).into()).clone()
     }
 
-    /// The outline's rings by fewer vertices, in plane coordinates, for a first look.
-    pub(crate) fn coarse(&self) -> &[Vec<Vector2<f64>>] {
+    /// An outline's rings by fewer vertices.
+    pub(super) fn coarse(&self, outline: &PlaneRings) -> &[Vec<Vector2<f64>>] {
         let fewer = |ring: &Vec<Vector2<f64>>| {
             let fewer = simplified(ring, COARSE * signed_area(ring).abs().sqrt());
             if fewer.len() < 3 { ring.clone() } else { fewer }
         };
-        self.derived.coarse.get_or_init(|| self.outline.rings().iter().map(fewer).collect())
+        self.coarse.get_or_init(|| outline.rings().iter().map(fewer).collect())
     }
 
-    /// The corners of each boundary ring, world.
-    pub(crate) fn corners(&self) -> &[Vec<Vector3<f64>>] {
-        let tolerance = CORNER_TOLERANCE * self.outline.area().sqrt();
-        let corners = || self.rings().iter().map(|ring| simplified(ring, tolerance)).collect();
-        self.derived.corners.get_or_init(corners)
+    /// The corners of each ring of the world that an outline stands for.
+    pub(super) fn corners(
+        &self,
+        outline: &PlaneRings,
+        rings: impl FnOnce() -> Vec<Vec<Vector3<f64>>>,
+    ) -> &[Vec<Vector3<f64>>] {
+        let tolerance = CORNER_TOLERANCE * outline.area().sqrt();
+        let corners = || rings().iter().map(|ring| simplified(ring, tolerance)).collect();
+        self.corners.get_or_init(corners)
     }
 
-    /// The outline's shape whatever affine map it is seen under; `None` where it is too slender for one.
-    pub(crate) fn shape(&self) -> Option<&NormalizedShape> {
-        self.derived.shape.get_or_init(|| NormalizedShape::of(self.outline.rings())).as_ref()
+    /// An outline's shape whatever affine map it is seen under; `None` where it is too slender for one.
+    pub(super) fn shape(&self, outline: &PlaneRings) -> Option<&NormalizedShape> {
+        self.shape.get_or_init(|| NormalizedShape::of(outline.rings())).as_ref()
     }
 }

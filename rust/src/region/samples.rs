@@ -2,7 +2,8 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use super::{PlaneFrame, check_finite, extent};
+use super::plane::PlaneFrame;
+use super::points::{check_finite, extent};
 use crate::error::{Error, Result};
 
 /// Largest distance of a sample from the region's plane, as a share of the extent of all samples: the range noise of a small

@@ -1,16 +1,12 @@
 //! Whether the contours decide a pose, or the moments: of contours that are disturbed all over these are the better measure
 //! (`docs/math.md`, eq. 11.15).
 
-use super::candidates::is_mostly_clean;
+use super::acceptance::{DECISIVE, is_mostly_clean};
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
 use crate::contour::readings::Contour;
 use crate::geometry::pose::{PARAMETERS, Pose};
 use crate::prior::{BELIEVED, mahalanobis};
-
-/// Gain of log likelihood below which a pose led onto the contours isn't preferred to the moments': six parameters gain 3 by
-/// chance, and 7 more stand for odds of a thousand to one.
-pub(super) const DECISIVE: f64 = 10.0;
 
 /// Whether every `step`-th piece tells that a place on the contours is right, and not a minimum of the moments; `own` is the one that
 /// the place itself leads to, which it must not contradict.

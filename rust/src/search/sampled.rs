@@ -2,13 +2,13 @@
 
 use nalgebra::{Matrix6, Rotation3, Vector2, Vector3};
 
-use super::candidates::{Answers, Search, further_poses};
+use super::acceptance::LOOSE;
+use super::further::further_poses;
 use super::moments::{Alone, single_region_poses};
 use super::outlined::{outlines, outlines_beside_samples};
 use super::poses::{apart, distinct};
 use super::symmetry::turned_about;
-use crate::contour::covariance::covariance;
-use crate::contour::fit::ContourFit;
+use crate::contour::fit::AMBIGUITY;
 use crate::contour::readings::Contour;
 use crate::effort;
 use crate::geometry::pose::{PARAMETERS, Pose};
@@ -21,7 +21,6 @@ use crate::samples::posterior::{Led, Passed, Posterior, led, posteriors};
 use crate::samples::readings::SampledRegion;
 use crate::samples::signed_field::SignedField;
 use crate::samples::trust::FAR_OFF;
-use crate::search::candidates::{AMBIGUITY, LOOSE};
 
 /// Starts that are led on.
 const MOST_STARTS: usize = 24;
@@ -214,25 +213,6 @@ fn points_along(rings: &[Vec<Vector2<f64>>], count: usize) -> Vec<Vector2<f64>> 
         left -= length;
     }
     points
-}
-
-impl Search {
-    /// The problem without the samples of regions that tell nothing at any pose that may be the answer by the outlines; `None` where
-    /// all regions' tell something.
-    pub(super) fn without_silent(&self) -> Option<Problem> {
-        let (problem, contours) = (&self.problem, self.problem.contours());
-        if problem.sampled().is_empty() {
-            return None;
-        }
-        let fits: Vec<ContourFit> = match &self.answers {
-            Answers::Contours(fits) => fits.clone(),
-            Answers::Moments(poses) => {
-                poses.iter().filter_map(|pose| ContourFit::at(contours, pose, problem.few())).collect()
-            }
-        };
-        let answer = |fit: &ContourFit| (fit.pose, covariance(contours, fit), fit.mixture.sigma);
-        problem.without_silent_at(&fits.iter().map(answer).collect::<Vec<_>>())
-    }
 }
 
 /// A pose turned by as much as a start may be off, about each of the camera's axes, where the problem's origin stays in place.

@@ -5,9 +5,9 @@
 
 use nalgebra::{Rotation3, Unit, Vector2, Vector3};
 
-use super::candidates::HOPELESS;
 use super::moments::MOST_CANDIDATES;
 use super::poses::sorted;
+use super::ranking::HOPELESS;
 use super::turns::{TURN, least_turns};
 use crate::contour::fit::Sketch;
 use crate::equations::residual::RegionEquations;

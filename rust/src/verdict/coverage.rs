@@ -6,6 +6,7 @@ use crate::equations::residual::RegionEquations;
 use crate::geometry::overlap::{OverlapAreas, overlap_areas};
 use crate::geometry::pose::Pose;
 use crate::geometry::rings::PlaneRings;
+use crate::problem::Problem;
 use crate::region::WorldRegion;
 use crate::view::border::{Border, projected_before};
 use crate::view::chart::Chart;
@@ -56,4 +57,20 @@ fn cut_overlap(observed: &RegionEquations, border: &Border, world: &WorldRegion,
     let (predicted, _) = border.clipped(seen(chart, world, pose));
     let predicted = predicted.rings.iter().map(|ring| ring.iter().map(|p| p / chart.scale).collect());
     overlap_areas(&unscaled(observed), &PlaneRings::of_simple(predicted.collect()))
+}
+
+/// Area of the symmetric difference over the observed area, of all regions together and of each.
+pub fn overlap_errors(problem: &Problem, pose: &Pose) -> (f64, Vec<f64>) {
+    overlap_errors_of(&region_overlaps(problem, pose))
+}
+
+pub(super) fn overlap_errors_of(areas: &[OverlapAreas]) -> (f64, Vec<f64>) {
+    let total = areas.iter().fold(OverlapAreas::default(), |sum, areas| sum + *areas);
+    (total.error(), areas.iter().map(OverlapAreas::error).collect())
+}
+
+/// How each projected region covers the observed one.
+pub(super) fn region_overlaps(problem: &Problem, pose: &Pose) -> Vec<OverlapAreas> {
+    let pairs = problem.regions().iter().zip(problem.worlds());
+    pairs.map(|(region, world)| region_overlap(region, world, pose)).collect()
 }

@@ -1,10 +1,10 @@
 //! The regions that do not belong to a pose while others do (`docs/math.md`, sections 11 and 17).
 
-use super::estimate::{POOR_OVERLAP, Solution};
+use super::solution::{POOR_OVERLAP, Solution};
 use crate::contour::members::log_odds;
 use crate::samples::posterior::Posterior;
 use crate::samples::trust::COIN;
-use crate::search::candidates::LOOSE;
+use crate::search::acceptance::LOOSE;
 
 /// Probability that the label of a sample is wrong, of a region that belongs to the pose: by far too many.
 const MISLABELED: f64 = 0.1;

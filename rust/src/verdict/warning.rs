@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use thiserror::Error as Message;
 
 use crate::equations::least_squares::Termination;
+use crate::geometry::pose::Pose;
 
 /// Poses that a warning spells out; of more, it says how many are left.
 const SPELT_OUT: usize = 3;
@@ -165,6 +166,15 @@ pub struct Way {
     pub axis: Vector3<f64>,
     /// Distance between the camera's places.
     pub shift: f64,
+}
+
+impl Way {
+    /// From a pose to another: the turn in the camera's axes, and how far the camera goes.
+    pub(super) fn between(from: &Pose, to: &Pose) -> Self {
+        let increment = from.increment_to(to);
+        let (turn, shift) = (increment.fixed_rows::<3>(0).into_owned(), increment.fixed_rows::<3>(3).norm());
+        Self { degrees: turn.norm().to_degrees(), axis: turn.try_normalize(0.0).unwrap_or_else(Vector3::zeros), shift }
+    }
 }
 
 /// What makes a geometry weak.

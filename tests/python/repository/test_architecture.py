@@ -79,6 +79,9 @@ SOLE_USERS = {
 
 PYTHON_CRATES = {"numpy", "pyo3"}
 
+STILL_IN_CIRCLES = ("samples/",)
+"""Folders of the crate whose files still use one another in circles."""
+
 
 def code_of(file: Path) -> str:
     """A Rust file without comments and unit tests."""
@@ -114,6 +117,106 @@ def without_nested(group: str) -> str:
     while "{" in group:
         group = re.sub(r"\{[^{}]*\}", "", group)
     return group
+
+
+def crate_file_uses(folder: Path) -> Uses:
+    """The other files that each file of a crate uses, by their paths without the ending."""
+    code = {module_path(file.relative_to(folder)): code_of(file) for file in folder.glob("**/*.rs")}
+    return {
+        name: {used for path in paths_in(text) if (used := file_of(absolute(path, name), set(code)))} - {name, ""}
+        for name, text in code.items()
+    }
+
+
+def module_path(file: Path) -> str:
+    """A file's place in the tree of modules: `view/mask` of `view/mask/mod.rs`."""
+    return file.with_suffix("").as_posix().removesuffix("/mod")
+
+
+def paths_in(code: str) -> Iterable[list[str]]:
+    """Paths that Rust code names from `crate`, `super`, `self` or a module that it declares."""
+    heads = "|".join(["crate", "super", "self", *re.findall(r"\bmod (\w+);", code)])
+    for used in re.findall(rf"\buse ((?:{heads})::[^;]*);", code):
+        yield from ungrouped(used)
+    for path in re.findall(rf"(?<![\w:])(?:{heads})(?:::\w+)+", re.sub(r"\buse [^;]*;", "", code)):
+        yield path.split("::")
+
+
+def ungrouped(use: str) -> Iterable[list[str]]:
+    """The paths of a use with groups in braces."""
+    group = re.search(r"\{([^{}]*)\}", use)
+    if group is None:
+        yield [part.split()[0] for part in use.split("::") if part.strip()]
+        return
+    for item in group[1].split(","):
+        if item.strip():
+            yield from ungrouped(use[: group.start()] + item.strip() + use[group.end() :])
+
+
+def absolute(path: list[str], name: str) -> list[str]:
+    """A path from the crate's root, of one that the file at `name` names."""
+    if path[0] == "crate":
+        return path[1:]
+    above = [*name.split("/"), *path]
+    while "super" in above:
+        place = above.index("super")
+        del above[place - 1 : place + 1]
+    return [part for part in above if part != "self"]
+
+
+def file_of(path: list[str], files: set[str]) -> str:
+    """The file that holds an item's path; empty for none."""
+    while path and "/".join(path) not in files:
+        path = path[:-1]
+    return "/".join(path)
+
+
+def package_file_uses(folder: Path) -> Uses:
+    """The other files that each file of the package imports, by dotted names."""
+    trees = {
+        dotted(file.relative_to(folder.parent)): (file, ast.parse(file.read_text(encoding="utf-8")))
+        for file in folder.glob("**/*.py")
+    }
+    uses: Uses = {}
+    for name, (file, tree) in trees.items():
+        inside = name if file.name == "__init__.py" else name.rpartition(".")[0]
+        used = {file_of(path.split("."), {n.replace(".", "/") for n in trees}) for path in imports_of(tree, inside)}
+        uses[name] = {path.replace("/", ".") for path in used} - {name, "", "regionpose"}
+    return uses
+
+
+def dotted(file: Path) -> str:
+    """The module name of a file."""
+    return ".".join(file.with_suffix("").parts).removesuffix(".__init__")
+
+
+def imports_of(tree: ast.Module, inside: str) -> Iterable[str]:
+    """Dotted names that a file in the package `inside` imports."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            parts = inside.split(".")
+            above = parts[: len(parts) + 1 - node.level] if node.level else []
+            base = [*above, *([node.module] if node.module else [])]
+            yield from (".".join([*base, alias.name]) for alias in node.names)
+
+
+def in_circles(uses: Uses) -> list[str]:
+    """What uses itself by way of others."""
+    return sorted(name for name in uses if name in reached(uses, name))
+
+
+def reached(uses: Uses, name: str) -> set[str]:
+    """All that something uses, directly or by way of others."""
+    found: set[str] = set()
+    ahead = [*uses[name]]
+    while ahead:
+        used = ahead.pop()
+        if used not in found:
+            found.add(used)
+            ahead.extend(uses[used])
+    return found
 
 
 def package_uses(folder: Path) -> Uses:
@@ -173,6 +276,18 @@ def test_each_module_of_the_package_imports_the_layers_before_its_own_only() -> 
     assert violations(uses, PACKAGE_LAYERS) == []
 
 
+def test_the_files_of_the_crate_use_one_another_in_no_circles() -> None:
+    uses = crate_file_uses(CRATE)
+    assert "contour/mixture" in uses["contour/fit"] and "geometry/rings/ring" in uses["geometry/rings/nesting"]
+    assert [name for name in in_circles(uses) if not name.startswith(STILL_IN_CIRCLES)] == []
+
+
+def test_the_files_of_the_package_import_one_another_in_no_circles() -> None:
+    uses = package_file_uses(PACKAGE)
+    assert "regionpose.solve.prior" in uses["regionpose.solve.batch"]
+    assert in_circles(uses) == []
+
+
 @pytest.mark.parametrize("place", KNOWS_NO_POSE)
 def test_moments_meshes_and_charts_know_no_pose(place: str) -> None:
     files = [file for file in CRATE.glob("**/*.rs") if file.relative_to(CRATE).as_posix().startswith(place)]
@@ -212,6 +327,18 @@ def test_a_use_of_a_later_layer_of_the_own_layer_or_of_an_unknown_module_is_a_vi
     layers = (("a",), ("b", "c"), ("d",))
     assert violations({"b": {"a"}, "d": {"a", "b"}}, layers) == []
     assert len(violations({"a": {"d"}, "b": {"c"}, "e": {"a"}, "d": {"e"}}, layers)) == 4
+
+
+def test_paths_from_parents_and_declared_modules_are_found() -> None:
+    code = "mod inner;\nuse super::{other::{Thing, more::f}, Type};\nuse inner::g;\nlet x = self::deep::h();"
+    paths = {"/".join(absolute(path, "folder/file")) for path in paths_in(code)}
+    inner, outer = {"folder/file/deep/h", "folder/file/inner/g"}, {"folder/Type", "folder/other/Thing"}
+    assert paths == {*inner, *outer, "folder/other/more/f"}
+
+
+def test_a_circle_is_found_and_a_common_use_is_none() -> None:
+    assert in_circles({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == []
+    assert in_circles({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["b", "c"]
 
 
 def test_absolute_relative_and_inner_imports_are_found() -> None:

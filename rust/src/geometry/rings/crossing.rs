@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 
 use super::predicates::{contact, is_left_of_corner, lies_on, turn};
-use super::{CleanRing, ring_edges, rising, without_negligible};
+use super::ring::{CleanRing, bounding_box, ring_edges, rising, without_negligible};
 use crate::error::{Contact, Error, Result};
 
 /// Edges for which a strip of its own pays: a convention.
@@ -84,7 +84,7 @@ fn is_star(ring: &[Vector2<f64>]) -> bool {
 /// All edges, to be swept along the axis along which they are shorter, hence fewer at a time.
 fn edges_for_sweep(rings: &[CleanRing]) -> Vec<Edge> {
     let vertices = || rings.iter().flat_map(|ring| ring.vertices.iter().copied());
-    let (lower, upper) = super::bounding_box(vertices());
+    let (lower, upper) = bounding_box(vertices());
     let lengths = rings.iter().flat_map(|ring| ring_edges(&ring.vertices)).map(|(a, b)| (b - a).abs());
     let share = lengths.sum::<Vector2<f64>>().component_div(&(upper - lower));
     let axis = if share.x <= share.y { 0 } else { 1 };

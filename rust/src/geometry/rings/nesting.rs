@@ -7,7 +7,7 @@ use std::iter;
 use nalgebra::Vector2;
 
 use super::predicates::turn;
-use super::{CleanRing, ring_edges};
+use super::ring::{CleanRing, ring_edges};
 
 /// Where a point lies relative to one ring.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -4,6 +4,7 @@
 //! as much as the contour is long: marching squares between the rows' runs (`trace`), then redundant vertices go
 //! (`thinning`).
 
+mod pixels;
 mod scan;
 mod thinning;
 mod trace;
@@ -16,33 +17,7 @@ use crate::error::{Error, Result};
 use crate::geometry::rings::PlaneRings;
 use scan::Scan;
 
-pub use scan::MaskValue;
-
-/// Share of a pixel at which the contour of a mask runs.
-pub const CONTOUR_LEVEL: f64 = 0.5;
-
-/// A mask, row by row.
-#[derive(Debug, Clone, Copy)]
-pub struct Mask<'a, T> {
-    values: &'a [T],
-    columns: usize,
-}
-
-impl<'a, T: MaskValue> Mask<'a, T> {
-    /// The mask of `values` in rows of `columns`; `None` where they fill no whole rows or there are none.
-    pub fn new(values: &'a [T], columns: usize) -> Option<Self> {
-        let fills = columns > 0 && !values.is_empty() && values.len().is_multiple_of(columns);
-        fills.then_some(Self { values, columns })
-    }
-
-    fn rows(&self) -> usize {
-        self.values.len() / self.columns
-    }
-
-    fn row(&self, index: usize) -> &'a [T] {
-        &self.values[index * self.columns..(index + 1) * self.columns]
-    }
-}
+pub use pixels::{CONTOUR_LEVEL, Mask, MaskValue};
 
 /// What a mask says of its region.
 #[derive(Debug, Clone, PartialEq)]

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector2;
 
+use super::pixels::{CONTOUR_LEVEL, Mask, MaskValue};
 use super::scan::Runs;
-use super::{CONTOUR_LEVEL, Mask, MaskValue};
 
 /// Least distance (pixels) of a contour from a pixel's center: where the coverage there is the level itself, the contour
 /// would pass the center on both sides and touch itself.

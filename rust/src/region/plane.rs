@@ -1,0 +1,79 @@
+//! A plane's own coordinates, and the least squares plane of points.
+
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+use super::points::extent;
+use crate::error::{Error, Result};
+
+/// Largest distance of a vertex from the region's plane, as a share of the region's extent: surveyed or picked corners are
+/// good to a few millimeters in a meter, while a ring bent more than this is not one plane.
+const PLANARITY_TOLERANCE: f64 = 0.01;
+
+/// Smallest share of the extent that a region must have across, below which no plane can be told.
+const MIN_WIDTH: f64 = 1e-6;
+
+/// A plane's own coordinates: `X = origin + u axes[0] + v axes[1]`, normal `axes[2]`, right-handed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlaneFrame {
+    /// A point of the plane, world.
+    pub origin: Vector3<f64>,
+    /// Unit axes u, v and the normal, world.
+    pub axes: [Vector3<f64>; 3],
+}
+
+impl PlaneFrame {
+    /// Least squares plane of points, with its origin at their mean.
+    ///
+    /// # Errors
+    /// When the points are identical or on one line.
+    pub fn fit(points: &[Vector3<f64>]) -> Result<Self> {
+        let origin = points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64;
+        let spread: Matrix3<f64> = points.iter().map(|p| (p - origin) * (p - origin).transpose()).sum();
+        let largest = spread.diagonal().max();
+        let degenerate = || Error::OutOfRange {
+            item: "the region's points",
+            found: format!("{} points that are identical or on one line", points.len()),
+            needed: "at least 3 points that span a plane".into(),
+        };
+        if points.len() < 3 || largest <= f64::MIN_POSITIVE {
+            return Err(degenerate());
+        }
+        // Scaling keeps the iteration's tolerance meaningful for any unit of length.
+        let eigen = (spread / largest).try_symmetric_eigen(f64::EPSILON, 1000).ok_or_else(degenerate)?;
+        let mut order = [0, 1, 2];
+        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+        if eigen.eigenvalues[order[1]].max(0.0).sqrt() < MIN_WIDTH * eigen.eigenvalues[order[0]].sqrt() {
+            return Err(degenerate());
+        }
+        let u = eigen.eigenvectors.column(order[0]).normalize();
+        let v = eigen.eigenvectors.column(order[1]).normalize();
+        Ok(Self { origin, axes: [u, v, u.cross(&v)] })
+    }
+
+    /// Plane coordinates of a world point, its height above the plane left out.
+    pub fn flat(&self, point: &Vector3<f64>) -> Vector2<f64> {
+        let offset = point - self.origin;
+        Vector2::new(self.axes[0].dot(&offset), self.axes[1].dot(&offset))
+    }
+
+    /// The world point at plane coordinates.
+    pub fn lifted(&self, point: &Vector2<f64>) -> Vector3<f64> {
+        self.origin + self.axes[0] * point.x + self.axes[1] * point.y
+    }
+
+    /// Signed distance of a world point from the plane.
+    pub fn height(&self, point: &Vector3<f64>) -> f64 {
+        self.axes[2].dot(&(point - self.origin))
+    }
+}
+
+pub(super) fn check_planar(rings: &[Vec<Vector3<f64>>], frame: &PlaneFrame) -> Result<()> {
+    let allowed = PLANARITY_TOLERANCE * extent(&rings.concat());
+    let farthest = |vertices: &Vec<Vector3<f64>>| vertices.iter().map(|x| frame.height(x).abs()).fold(0.0, f64::max);
+    // One bent ring tilts the plane of all: the ring farthest off is the one to name.
+    let worst = rings.iter().map(farthest).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+    match worst {
+        Some((ring, distance)) if distance > allowed => Err(Error::NotPlanar { ring, distance, allowed }),
+        _ => Ok(()),
+    }
+}

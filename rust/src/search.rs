@@ -1,0 +1,189 @@
+//! From a problem to the poses that may be its answer: starts in, refined and ranked by the likelihood of the contours.
+
+pub mod acceptance;
+pub mod candidates;
+pub mod centroids;
+pub mod closed_form;
+pub mod corners;
+pub mod cuts;
+pub mod decision;
+pub mod directions;
+mod further;
+pub mod moments;
+mod outlined;
+pub mod p3p;
+pub mod poses;
+mod ranking;
+pub mod sampled;
+mod screen;
+pub mod symmetry;
+mod turns;
+
+use candidates::{Answers, by_moments, on_contours};
+use centroids::centroid_poses;
+use closed_form::closed_form;
+use moments::{Alone, FINAL, Starts, moment_poses, paper_poses};
+use screen::Looks;
+
+use crate::contour::covariance::covariance;
+use crate::contour::fit::ContourFit;
+use crate::effort;
+use crate::equations::least_squares::{Minimum, minimize};
+use crate::equations::system::Weighting;
+use crate::equations::whitening::Orders;
+use crate::error::Result;
+use crate::geometry::pose::Pose;
+use crate::options::{Options, Refinement, Start};
+use crate::problem::Problem;
+
+/// What a search found: the poses that may be the answer, about the problem's origin, and what decides between them.
+///
+/// ```
+/// # use nalgebra::Vector3;
+/// # use regionpose::{ObservedRegion, Options, Problem, WorldRegion};
+/// # let corners = [(0.0, 0.0), (0.6, 0.0), (0.6, 0.3), (0.3, 0.3), (0.3, 1.0), (0.0, 1.0)];
+/// # let sign: Vec<_> = corners.iter().map(|&(x, y)| Vector3::new(x, y, 0.7 * y)).collect();
+/// # let bearings = sign.iter().map(|x| (x + Vector3::new(-0.2, 0.1, 4.0)).normalize()).collect();
+/// # let observed = [ObservedRegion::new(vec![bearings], 20_000.0)];
+/// # let worlds = [WorldRegion::from_rings(&[sign])?];
+/// let search = Problem::new(&observed, &worlds)?.search(&Options::default())?;
+/// // Any least squares may run here; this one is `Problem::estimate`'s.
+/// let minima = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
+/// assert!(search.judged(minima).is_some_and(|estimate| estimate.alternatives.is_empty()));
+/// # Ok::<(), regionpose::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Search {
+    /// The problem, whitened for the boundary noise of its best candidate.
+    pub(crate) problem: Problem,
+    /// How it was searched.
+    pub(crate) options: Options,
+    pub(crate) answers: Answers,
+    /// Where samples of regions are to be led from, about the problem's origin.
+    pub(crate) starts: Vec<Pose>,
+    /// Whether it made do with what it had found by the limit of its work.
+    pub(crate) exhausted: bool,
+}
+
+impl Problem {
+    /// The poses that may be the answer; those found by the limit of its work where that is reached.
+    ///
+    /// Samples that tell nothing at any of them change nothing: their regions are known by their outlines alone.
+    ///
+    /// # Errors
+    /// A prior that [`Prior::check`] refuses.
+    pub fn search(&self, options: &Options) -> Result<Search> {
+        options.prior.check()?;
+        Ok(self.checked_search(options))
+    }
+
+    /// The same with a prior that is known to be one.
+    pub(crate) fn checked_search(&self, options: &Options) -> Search {
+        let search = self.bounded_search(options);
+        match search.without_silent() {
+            Some(problem) => problem.bounded_search(options),
+            None => search,
+        }
+    }
+
+    fn bounded_search(&self, options: &Options) -> Search {
+        let sketch = self.by_boundary();
+        let first = sketch.as_ref().unwrap_or(self);
+        // Where samples decide of several regions, outlines are starts: to lead these on gains nothing. One alone may be disturbed so
+        // much that its moments lead nowhere near.
+        let is_sampled = self.regions().len() > 1 && self.has_samples_all_over();
+        let refinement = if is_sampled { Refinement::Off } else { options.refinement };
+        let options = Options { refinement, ..*options };
+        let (search, exhausted) = effort::bounded(first.most_work(), || first.searched(&options));
+        Search { exhausted, problem: search.problem.integrated_as(self), ..search }
+    }
+
+    fn searched(&self, options: &Options) -> Search {
+        let (mut looks, mut alone) = (Looks::new(self, options), Alone::default());
+        let poses = match options.start {
+            Start::Global => self.global_poses(options, &mut looks, &mut alone),
+            Start::Paper => paper_poses(self, &options.prior),
+        };
+        let first = poses.first().and_then(|pose| looks.at(pose));
+        let (noise, clean) = first.map_or((0.0, false), |fit| (fit.noise(), fit.is_clean()));
+        // The moments of a region of which a part is hidden are wrong, however clean the rest of its contour.
+        let clean = clean && !self.hides_edges();
+        let orders = if clean { Orders::All } else { Orders::Low };
+        let problem = self.whitened(noise, orders);
+        let starts = if self.sampled().is_empty() { Vec::new() } else { self.starts(&looks.known, &poses) };
+        let answers = match options.refinement {
+            Refinement::Contour if !clean => on_contours(&problem, poses, &options.prior, &looks, &mut alone),
+            _ => Answers::Moments(by_moments(&problem, poses, &options.prior)),
+        };
+        Search { problem, options: *options, answers, starts, exhausted: false }
+    }
+
+    fn global_poses(&self, options: &Options, looks: &mut Looks, alone: &mut Alone) -> Vec<Pose> {
+        let known = looks.known.clone();
+        let explains = |pose: &Pose| looks.explains(pose);
+        let poses = moment_poses(self, &options.prior, &known, Starts::Likely, alone, explains);
+        let cut = self.regions().iter().any(|region| region.border().is_some());
+        // Several regions that are disturbed are looked at further on their contours.
+        let enough = self.regions().len() > 1 && !cut && options.refinement == Refinement::Contour;
+        match poses.first() {
+            Some(pose) if enough || looks.explains(pose) => poses,
+            _ => moment_poses(self, &options.prior, &known, Starts::All, alone, |_| false),
+        }
+    }
+
+    /// Where samples are led from: what is known beforehand, poses of centroids and closed forms of the regions with samples, as
+    /// they are, since their outlines may lead these astray, and those that the outlines gave.
+    fn starts(&self, known: &[Pose], found: &[Pose]) -> Vec<Pose> {
+        let closed = self.sampled().iter().flat_map(|sampled| {
+            let (region, world) = (&self.regions()[sampled.index()], &self.worlds()[sampled.index()]);
+            closed_form(region.chart(), region.outline(), world, self.origin())
+        });
+        known.iter().copied().chain(centroid_poses(self)).chain(found.iter().copied()).chain(closed).collect()
+    }
+}
+
+impl Search {
+    /// The poses near which the moments' equations are to be solved, best first; none where the contours have decided.
+    pub fn candidates(&self) -> Vec<Pose> {
+        match &self.answers {
+            Answers::Moments(poses) => poses.iter().map(|pose| self.problem.uncentered(pose)).collect(),
+            Answers::Contours(_) => Vec::new(),
+        }
+    }
+
+    /// The problem on the scale of the boundary noise that was found.
+    pub fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    /// The minimum of the whitened equations that is reached from a candidate, `camera_from_world`; over a mesh from that along
+    /// the boundary, where there is one.
+    pub fn solve_from(&self, candidate: &Pose) -> Minimum {
+        let solved = |problem: &Problem, start| minimize(problem.regions(), start, Weighting::Whitened, FINAL);
+        let start = self.problem.centered(candidate);
+        let along = self.problem.by_boundary().map(|sketch| solved(&sketch, &start));
+        let minimum = match along {
+            // What doesn't converge along the boundary doesn't over its mesh, at a hundred times the price.
+            Some(along) if !along.converged => along,
+            along => solved(&self.problem, along.as_ref().map_or(&start, |minimum| &minimum.pose)),
+        };
+        Minimum { pose: self.problem.uncentered(&minimum.pose), ..minimum }
+    }
+
+    /// The problem without the samples of regions that tell nothing at any pose that may be the answer by the outlines; `None` where
+    /// all regions' tell something.
+    fn without_silent(&self) -> Option<Problem> {
+        let (problem, contours) = (&self.problem, self.problem.contours());
+        if problem.sampled().is_empty() {
+            return None;
+        }
+        let fits: Vec<ContourFit> = match &self.answers {
+            Answers::Contours(fits) => fits.clone(),
+            Answers::Moments(poses) => {
+                poses.iter().filter_map(|pose| ContourFit::at(contours, pose, problem.few())).collect()
+            }
+        };
+        let answer = |fit: &ContourFit| (fit.pose, covariance(contours, fit), fit.mixture.sigma);
+        problem.without_silent_at(&fits.iter().map(answer).collect::<Vec<_>>())
+    }
+}

@@ -1,0 +1,67 @@
+//! What candidates show on a few pieces of the contours, while the search goes on.
+
+use super::acceptance::is_mostly_clean;
+use super::directions::direction_poses;
+use crate::contour::fit::{ContourFit, refined};
+use crate::contour::readings::Contour;
+use crate::geometry::pose::Pose;
+use crate::options::{Options, Refinement};
+use crate::prior::Prior;
+use crate::problem::Problem;
+
+/// What was seen of poses on a few pieces while the search went on.
+pub(super) struct Looks<'a> {
+    contours: &'a [Contour],
+    /// One piece in so many is looked at.
+    step: usize,
+    /// Whether poses may be led onto the contours: of several regions, whose contours tell a wrong one.
+    leads: bool,
+    /// Poses that the prior gives.
+    pub(super) known: Vec<Pose>,
+    last: Option<ContourFit>,
+    /// Starts that were led onto the contours, and where they came to.
+    led: Vec<(Pose, ContourFit)>,
+}
+
+impl<'a> Looks<'a> {
+    pub(super) fn new(problem: &'a Problem, options: &Options) -> Self {
+        let contours = problem.contours();
+        let leads = contours.len() > 1 && options.refinement == Refinement::Contour;
+        let known = known_poses(problem, &options.prior);
+        Self { contours, step: problem.few(), leads, known, last: None, led: Vec::new() }
+    }
+
+    /// The fit at a pose that is not moved.
+    pub(super) fn at(&mut self, pose: &Pose) -> Option<&ContourFit> {
+        if self.last.as_ref().is_none_or(|fit| fit.pose != *pose) {
+            self.last = ContourFit::at(self.contours, pose, self.step);
+        }
+        self.last.as_ref()
+    }
+
+    /// Whether all regions are where a pose shows them, or most of each once it is led onto the contours.
+    pub(super) fn explains(&mut self, pose: &Pose) -> bool {
+        if self.at(pose).is_some_and(ContourFit::is_clean) {
+            return true;
+        }
+        let led = if self.leads { self.led_from(pose) } else { None };
+        let explains = led.as_ref().is_some_and(is_mostly_clean);
+        self.led.extend(led.map(|fit| (*pose, fit)));
+        explains
+    }
+
+    /// Where a start leads on the contours, looked up where it was led before.
+    pub(super) fn led_from(&self, start: &Pose) -> Option<ContourFit> {
+        match self.led.iter().find(|(pose, _)| pose == start) {
+            Some((_, fit)) => Some(fit.clone()),
+            None => refined(self.contours, start, self.step),
+        }
+    }
+}
+
+/// Poses that the prior gives, about the problem's origin: the initial one, and those of directions from the camera's
+/// place.
+fn known_poses(problem: &Problem, prior: &Prior) -> Vec<Pose> {
+    let initial = prior.initial.map(|pose| problem.centered(&pose));
+    initial.into_iter().chain(direction_poses(problem, prior, problem.few())).collect()
+}

@@ -1,0 +1,146 @@
+//! A pose that may be the answer, and what is worked out of it when it is asked for.
+
+use std::cell::OnceCell;
+
+use nalgebra::Matrix6;
+
+use super::confidence::Evidence;
+use super::coverage::{overlap_errors_of, region_overlaps};
+use super::frame_error::{RegionFactor, focal_shift, with_frame_error};
+use super::solution::Solution;
+use crate::contour::covariance::covariance;
+use crate::contour::fit::ContourFit;
+use crate::contour::votes::Vote;
+use crate::equations::least_squares::Minimum;
+use crate::geometry::overlap::OverlapAreas;
+use crate::geometry::pose::Pose;
+use crate::math::gaussian::Gaussian;
+use crate::options::FrameSigma;
+use crate::problem::Problem;
+use crate::samples::posterior::Posterior;
+use crate::samples::readings::SampledRegion;
+use crate::search::poses::apart;
+
+/// A pose that may be the answer.
+#[derive(Debug, Clone)]
+pub(super) struct Place {
+    pub(super) pose: Pose,
+    pub(super) minimum: Option<Minimum>,
+    pub(super) fit: ContourFit,
+    pub(super) posterior: Option<Posterior>,
+    /// Covariance of the left increment, once it is asked for.
+    pub(super) covariance: OnceCell<Matrix6<f64>>,
+    /// How each projected region covers the observed one, once it is asked for.
+    pub(super) overlaps: OnceCell<Vec<OverlapAreas>>,
+    /// What counts against it: how much worse than the best it fits, and the prior, in variances.
+    pub(super) against: f64,
+}
+
+impl Place {
+    /// The answer of its samples about the problem's origin, its covariance and how far contours are blurred and grown, pixels.
+    pub(super) fn answer(&self) -> Option<(Pose, Matrix6<f64>, f64)> {
+        let Posterior { pose, covariance, blur, growth, .. } = self.posterior.as_ref()?;
+        Some((*pose, *covariance, blur.hypot(*growth)))
+    }
+
+    /// A place against which nothing counts yet.
+    pub(super) fn new(pose: Pose, minimum: Option<Minimum>, fit: ContourFit) -> Self {
+        let (covariance, overlaps) = (OnceCell::new(), OnceCell::new());
+        Self { pose, minimum, fit, posterior: None, covariance, overlaps, against: 0.0 }
+    }
+
+    /// That of the samples, or else of the contours.
+    pub(super) fn covariance(&self, problem: &Problem) -> &Matrix6<f64> {
+        self.covariance.get_or_init(|| covariance(problem.contours(), &self.fit))
+    }
+
+    /// How each projected region covers the observed one.
+    fn overlaps(&self, problem: &Problem) -> &[OverlapAreas] {
+        self.overlaps.get_or_init(|| region_overlaps(problem, &self.pose))
+    }
+
+    /// What each region says of the left increment: its samples, or its contour where it has none.
+    fn region_factors(&self, problem: &Problem) -> Vec<RegionFactor> {
+        let none = || vec![Gaussian::default(); problem.worlds().len()];
+        let mut factors = self.fit.region_gaussians(problem.contours()).unwrap_or_else(none);
+        let mut is_scanned = vec![false; factors.len()];
+        if let Some(posterior) = &self.posterior {
+            for region in problem.sampled() {
+                (factors[region.index()], is_scanned[region.index()]) = (Gaussian::default(), true);
+            }
+            posterior.messages.iter().for_each(|(region, message)| factors[*region] = *message);
+        }
+        let places = problem.worlds().iter().map(|world| self.pose.transform(&world.frame().origin));
+        let regions = factors.into_iter().zip(places).zip(is_scanned);
+        regions.map(|((factor, place), is_scanned)| RegionFactor { factor, place, is_scanned }).collect()
+    }
+
+    /// How much worse another place fits, in variances: by the contours, and by the moments where they decide.
+    pub(super) fn outdoes(&self, other: &Self, problem: &Problem, numbers: f64) -> f64 {
+        if !apart(&self.fit.pose, &other.fit.pose, 0.0) {
+            return 0.0;
+        }
+        if let (Some(own), Some(posterior)) = (&self.posterior, &other.posterior) {
+            return own.against(posterior, problem.sampled()).max(0.0);
+        }
+        let by_contours = self.fit.against(&other.fit, numbers);
+        match (&self.minimum, &other.minimum) {
+            (Some(own), Some(minimum)) => by_contours.max(problem.worse_by_moments(minimum.cost, own.cost, numbers)),
+            _ => by_contours,
+        }
+    }
+
+    /// Which of this place and another each region belongs to, by the contours where these decide.
+    pub(super) fn votes(&self, other: &Self) -> Vec<Vote> {
+        match (&self.posterior, &other.posterior) {
+            (None, None) => self.fit.votes(&other.fit),
+            _ => vec![Vote::Neither; self.fit.regions().count()],
+        }
+    }
+
+    /// What the fit shows of the pose; `ambiguous` where others fit as well.
+    pub(super) fn evidence(&self, problem: &Problem, ambiguous: bool) -> Evidence {
+        let (covariance, overlaps) = (self.covariance(problem), self.overlaps(problem));
+        match &self.posterior {
+            Some(posterior) => {
+                let unseen = |region: &SampledRegion| overlaps[region.index()].uncovered();
+                let unseen: Vec<f64> = problem.sampled().iter().map(unseen).collect();
+                Evidence::from_samples(posterior, problem.sampled(), &self.fit, covariance, &unseen)
+            }
+            None => {
+                let errors: Vec<f64> = overlaps.iter().map(OverlapAreas::error).collect();
+                Evidence::from_outlines(&self.fit, covariance, &errors, self.minimum.is_some(), ambiguous)
+            }
+        }
+    }
+
+    /// What places are sorted by: the moments' cost, or how unlikely the contours are.
+    pub(super) fn cost(&self) -> f64 {
+        self.minimum.as_ref().map_or(-self.fit.mixture.likelihood, |minimum| minimum.cost)
+    }
+}
+
+pub(super) fn solution(
+    problem: &Problem,
+    place: Place,
+    [share, confidence]: [f64; 2],
+    frame_sigma: &FrameSigma,
+) -> Solution {
+    let (noise, factors) = (place.covariance(problem), place.region_factors(problem));
+    let focal_shift = focal_shift(noise, &factors);
+    let covariance = with_frame_error(noise, &factors, &focal_shift, problem.pixel_angle(), frame_sigma);
+    let (overlap_error, region_overlap_errors) = overlap_errors_of(place.overlaps(problem));
+    let Place { pose, minimum, fit, posterior, .. } = place;
+    Solution {
+        pose,
+        minimum,
+        fit,
+        posterior,
+        overlap_error,
+        region_overlap_errors,
+        covariance,
+        focal_shift,
+        confidence,
+        share,
+    }
+}
