@@ -44,6 +44,7 @@ from .scene.input_checks import check_camera as check_camera
 from .scene.input_checks import check_regions as check_regions
 from .segment.cloud import grow_plane as grow_plane
 from .segment.image import grow_image_region as grow_image_region
+from .segment.mesh_facets import regions_from_mesh as regions_from_mesh
 from .segment.planes import find_planes as find_planes
 from .solve.batch import estimate_poses as estimate_poses
 from .solve.between_frame_sigma import BetweenFrameSigma as BetweenFrameSigma

@@ -11,7 +11,7 @@ from typing import Self, SupportsFloat
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionpose.validation.arrays import row_array
+from regionpose.validation.arrays import real_array, row_array
 
 Array = NDArray[np.float64]
 Components = tuple[Array, ...]
@@ -39,12 +39,12 @@ class Camera(ABC):
 
         Parameters
         ----------
-        pixels : (n, 2) array
+        pixels : (n, 2) or (2,) array
             x right, y down; the image size does not limit them.
 
         Returns
         -------
-        (n, 3) array
+        (n, 3) or (3,) array
             A row is NaN where the pixel is not finite or where the model maps no direction to it, as beyond the fold of
             a distortion.
 
@@ -53,19 +53,19 @@ class Camera(ABC):
         ValueError
             For another shape.
         """
-        return _map_rows(self._bearings, row_array(pixels, "pixels", 2), 3)
+        return _mapped(self._bearings, pixels, "pixels", 2, 3)
 
     def project(self, points: ArrayLike) -> Array:
         """Pixels of points in the camera frame; only the direction of a point matters.
 
         Parameters
         ----------
-        points : (n, 3) array
+        points : (n, 3) or (3,) array
             In any unit.
 
         Returns
         -------
-        (n, 2) array
+        (n, 2) or (2,) array
             Not cropped by the image size. A row is NaN where the point is not finite, is the camera center, or is not
             visible: behind the camera or further off the axis than the model can tell apart (`max_angle`), or where its
             pixel is too far out to be a finite number.
@@ -75,7 +75,7 @@ class Camera(ABC):
         ValueError
             For another shape.
         """
-        return _map_rows(self._project, row_array(points, "points", 3), 2)
+        return _mapped(self._project, points, "points", 3, 2)
 
     def resized(self, width: int, height: int) -> Self:
         """The camera of the same photos resized, as by cv2.resize.
@@ -200,6 +200,14 @@ def _map_rows(mapping: Callable[..., Components], rows: Array, columns: int) -> 
         if not (np.isfinite(block).all() and np.isfinite(values).all()):
             values[~(np.isfinite(block).all(axis=1) & np.isfinite(values).all(axis=1))] = np.nan
     return mapped
+
+
+def _mapped(mapping: Callable[..., Components], given: object, item: str, columns: int, mapped: int) -> Array:
+    """Rows (n, mapped) of rows (n, columns), or one of one."""
+    array = real_array(given, item, f"(n, {columns}) or ({columns},)")
+    if array.shape == (columns,):
+        return np.asarray(_map_rows(mapping, row_array(array[None], item, columns), mapped)[0])
+    return _map_rows(mapping, row_array(array, item, columns), mapped)
 
 
 def finite_number(name: str, value: SupportsFloat) -> float:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from regionpose.validation.arguments import checked_arguments
 from regionpose.validation.arrays import KeptArrays, finite_array, read_only, real_array
@@ -19,8 +19,11 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 UNIT_TOLERANCE = 1e-6
-"""How far a rotation matrix may be from orthonormal, as the largest entry of `R^T R - I`, and a quaternion's norm from
-1: what six digits in a file leave."""
+"""How far a rotation matrix may be from orthonormal, as the largest entry of `R^T R - I`: what six digits in a file
+leave."""
+
+NORM_TOLERANCE = 1e-3
+"""How far a quaternion's norm may be from 1: what three digits leave. Its direction alone counts, unlike a matrix's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,21 +150,55 @@ class Pose(KeptArrays):
         Parameters
         ----------
         quat_xyzw : (4,) array
-            Unit quaternion from world to camera axes, the real part last, as scipy and ROS have it.
+            From world to camera axes, the real part last, as scipy and ROS have it; brought to the norm 1.
         translation : (3,) array
             In the world's unit.
 
         Raises
         ------
         ValueError
-            For other shapes, numbers that are not finite, and unless the norm is 1 to 1e-6.
+            For other shapes, numbers that are not finite, and unless the norm is 1 to 1e-3.
 
         """
         given = finite_array(quat_xyzw, "quaternion", (4,))
         norm = float(np.linalg.norm(given))
-        if abs(norm - 1.0) > UNIT_TOLERANCE:
+        if abs(norm - 1.0) > NORM_TOLERANCE:
             raise ValueError(f"quaternion has norm {norm:.6g}; needed 1")
         return cls.of_quaternion(given / norm, _translation(translation))
+
+    @classmethod
+    def from_rotvec(cls, rotvec_rad: ArrayLike, translation: ArrayLike) -> Pose:
+        """The pose of a rotation vector and a translation, as of `cv2.solvePnP` and `cv2.Rodrigues`.
+
+        Parameters
+        ----------
+        rotvec_rad : (3,) or (3, 1) array
+            Axis times angle, radians, from world to camera axes.
+        translation : (3,) or (3, 1) array
+            In the world's unit.
+
+        Raises
+        ------
+        ValueError
+            For other shapes and numbers that are not finite.
+
+        Examples
+        --------
+        >>> import regionpose as rp
+        >>> rp.Pose.from_rotvec([0.0, 0.0, 0.0], [1.0, 2.0, 3.0]).translation.tolist()
+        [1.0, 2.0, 3.0]
+
+        """
+        from scipy.spatial.transform import Rotation
+
+        given = finite_array(rotvec_rad, "rotation vector", (3,), (3, 1))
+        moved = finite_array(translation, "translation", (3,), (3, 1))
+        return cls(Rotation.from_rotvec(given.ravel()), _translation(moved.ravel()))
+
+    @classmethod
+    def identity(cls) -> Pose:
+        """The pose of a camera at the world's origin, along the world's axes."""
+        return cls.of_quaternion(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3))
 
     @classmethod
     def from_rigid_transform(cls, transform: RigidTransform) -> Pose:
@@ -265,6 +302,23 @@ class Pose(KeptArrays):
         if isinstance(other, Pose):
             return Pose(self.rotation * other.rotation, self.transform(other.translation))
         return self.transform(other)
+
+    __array_ufunc__ = None
+    """`array @ pose` is an error, and not the product with the matrix."""
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        """The (4, 4) matrix, as `numpy.asarray(pose)` asks for it; it is always a new array."""
+        if copy is False:
+            raise ValueError("a pose holds no matrix to share; needed copy=None or True")
+        return self.matrix if dtype is None else self.matrix.astype(dtype)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both take points to the same places, to the last digit; `numpy.allclose` allows for rounding."""
+        return isinstance(other, Pose) and np.array_equal(self.matrix, other.matrix)
+
+    def __hash__(self) -> int:
+        """The same for equal poses."""
+        return hash((self.matrix + 0.0).tobytes())
 
     def __repr__(self) -> str:
         """Rotation vector in degrees and translation, to six digits."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose.regions.mask import MaskWindow, checked_mask, traced_mask
+from regionpose.validation.foreign import as_array
 
 Array = NDArray[np.float64]
 Marks = NDArray[np.bool_]
@@ -90,10 +91,7 @@ def traced_beside(mask: ArrayLike, unknown: ArrayLike) -> tuple[list[Array], Mas
 
 
 def _unknown_pixels(unknown: ArrayLike) -> Marks:
-    try:
-        given = np.asarray(unknown)
-    except (TypeError, ValueError) as error:
-        raise ValueError("unknown has rows of unequal length; needed (h, w)") from error
+    given = as_array(unknown, "unknown", "(h, w)")
     if given.dtype.kind not in "biuf" or given.ndim != 2:
         raise ValueError(f"unknown has type {given.dtype} and shape {given.shape}; needed numbers of shape (h, w)")
     pixels: Marks = given != 0

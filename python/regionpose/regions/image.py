@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,11 @@ from regionpose.regions.hidden_edges import marked_edges, marked_lines, traced_b
 from regionpose.regions.mask import MaskWindow, seam_free, traced_mask
 from regionpose.regions.pixel_edges import Border, border_lines, line_bearings, ring_bearings, seen_part, sides_of
 from regionpose.validation.arguments import checked_arguments
-from regionpose.validation.arrays import KeptArrays, read_only, ring_list, signed_area
+from regionpose.validation.arrays import KeptArrays, counter_clockwise, read_only, ring_list, signed_area
+from regionpose.validation.foreign import polygon_parts
+
+if TYPE_CHECKING:
+    import shapely
 
 Array = NDArray[np.float64]
 Marks = NDArray[np.bool_]
@@ -74,7 +78,7 @@ class ImageRegion(KeptArrays):
     @classmethod
     def from_polygon(
         cls,
-        rings: ArrayLike | Sequence[ArrayLike],
+        rings: ArrayLike | Sequence[ArrayLike] | shapely.Geometry,
         *,
         hidden_edges: Sequence[int] | Sequence[Sequence[int]] = (),
     ) -> ImageRegion:
@@ -85,8 +89,8 @@ class ImageRegion(KeptArrays):
 
         Parameters
         ----------
-        rings : (n, 2) array or sequence of such
-            Pixels, turning either way.
+        rings : (n, 2) array or sequence of such, or polygon
+            Pixels, turning either way; contours (n, 1, 2) of OpenCV, and polygons and multipolygons of shapely, too.
         hidden_edges : sequence of int, or one for each ring
             Edges that are not the region's own but an occluder's, or were not seen; edge i of a ring goes from its
             vertex i to the next.
@@ -97,8 +101,12 @@ class ImageRegion(KeptArrays):
             For a ring with fewer than 3 vertices, values that are not finite, crossing edges, no area, a hole that is
             not inside the first ring, or an edge that isn't there.
         """
+        parts = polygon_parts(rings)
+        if parts is not None and len(parts) > 1:
+            turned = ((counter_clockwise(ring), place) for part in parts for place, ring in enumerate(part))
+            rings = [ring[::-1] if place else ring for ring, place in turned]
         given = ring_list(rings, 2)
-        checked = _core.plane_rings(given, polygon=True)
+        checked = _core.plane_rings(given, polygon=parts is None or len(parts) == 1)
         return cls._valid(checked, hidden=marked_edges(given, checked, hidden_edges))
 
     def __post_init__(self) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
 from regionpose.validation.arrays import KeptArrays, read_only
+from regionpose.validation.foreign import as_array
 
 Array = NDArray[np.float64]
 
@@ -106,10 +107,7 @@ def seam_free(mask: ArrayLike) -> int:
 
 def checked_mask(mask: ArrayLike) -> NDArray[Any]:
     """The mask as an array (h, w) of a type that masks may have; ValueError for another."""
-    try:
-        given = np.asarray(mask)
-    except (TypeError, ValueError) as error:
-        raise ValueError("mask has rows of unequal length; needed (h, w)") from error
+    given = as_array(mask, "mask", "(h, w)")
     if given.ndim != 2 or 0 in given.shape:
         raise ValueError(f"mask has shape {given.shape}; needed (h, w)")
     if given.dtype.kind not in "biuf":

@@ -54,7 +54,15 @@ class WorldRegion:
     """A region of the 3D data: a planar patch with holes, or an open triangulated surface; or samples of a patch."""
 
     core: _core.WorldRegion
-    steps: tuple[Step, ...]
+    steps: tuple[Step, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse what one of the constructors takes."""
+        if not isinstance(self.core, _core.WorldRegion):
+            raise ValueError(
+                f"found {type(self.core).__name__}; needed WorldRegion.from_polygon (corners), from_points (points on"
+                " the region), from_scan (a scan with its members) or from_mesh"
+            )
 
     @classmethod
     def from_polygon(cls, rings: ArrayLike | Sequence[ArrayLike]) -> WorldRegion:
@@ -252,17 +260,15 @@ class WorldRegion:
         Parameters
         ----------
         mesh : TriangleMesh
-            With `vertices` (n, 3), meters, and `faces` (k, 3), as trimesh.Trimesh.
+            With `vertices` (n, 3), meters, and `faces` or `triangles` (k, 3), as of trimesh and Open3D.
 
         Raises
         ------
         ValueError
             For a closed mesh, inconsistent triangles, or crossing boundaries.
         """
-        if not (hasattr(mesh, "vertices") and hasattr(mesh, "faces")):
-            raise ValueError(f"mesh is a {type(mesh).__name__}; needed one with vertices (n, 3) and faces (k, 3)")
-        vertices = real_array(mesh.vertices, "mesh.vertices", "(n, 3)").astype(np.float64)
-        return cls._made("from_mesh", vertices, real_array(mesh.faces, "mesh.faces", "(k, 3)"))
+        vertices, faces = mesh_parts(mesh)
+        return cls._made("from_mesh", vertices, faces)
 
     def seen_from(self, viewpoint: ArrayLike) -> WorldRegion:
         """The same region, of which a point lies on the side that the camera sees.
@@ -344,6 +350,15 @@ class WorldRegion:
     def __deepcopy__(self, _: object) -> WorldRegion:
         """Itself: nothing of it changes."""
         return self
+
+
+def mesh_parts(mesh: object) -> tuple[Array, NDArray[Any]]:
+    """Vertices (n, 3) and triangles (k, 3) of a mesh of trimesh, Open3D or `Cloud`; ValueError for what has none."""
+    for points, triangles in (("vertices", "faces"), ("vertices", "triangles"), ("points", "triangles")):
+        if getattr(mesh, points, None) is not None and getattr(mesh, triangles, None) is not None:
+            vertices = real_array(getattr(mesh, points), f"mesh.{points}", "(n, 3)").astype(np.float64)
+            return vertices, real_array(getattr(mesh, triangles), f"mesh.{triangles}", "(k, 3)")
+    raise ValueError(f"mesh is a {type(mesh).__name__}; needed one with vertices (n, 3) and faces (k, 3)")
 
 
 def _remade(steps: tuple[Step, ...]) -> WorldRegion:

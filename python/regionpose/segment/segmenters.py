@@ -39,12 +39,11 @@ class PredictorSegmenter:
         self._image: NDArray[np.uint8] | None = None
 
     def __call__(self, image: NDArray[np.uint8], pixels: NDArray[np.float32], labels: NDArray[np.int64]) -> Any:
-        """Masks (k, h, w) around the pixels, by falling score."""
+        """What the object returns: masks (k, h, w) around the pixels, their scores, and more."""
         if self._image is not image:
             self._predictor.set_image(image)
             self._image = image
-        masks, scores, *_ = self._predictor.predict(point_coords=pixels, point_labels=labels, multimask_output=True)
-        return np.asarray(masks)[np.argsort(-np.asarray(scores, dtype=np.float64), kind="stable")]
+        return self._predictor.predict(point_coords=pixels, point_labels=labels, multimask_output=True)
 
 
 def load_segmenter(name: str) -> Segmenter:

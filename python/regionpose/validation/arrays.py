@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from regionpose.validation.foreign import as_array, polygon_parts
 
 Array = NDArray[np.float64]
 Kind = TypeVar("Kind", bound=np.generic)
@@ -18,12 +20,20 @@ LARGEST_COORDINATE, SMALLEST_EXTENT = 2.0**200, 2.0**-200
 """Of points, as of the core's rings: products of a few of these, and their inverses, are finite numbers."""
 
 
-def ring_list(rings: ArrayLike | Sequence[ArrayLike], columns: int) -> list[Array]:
+def ring_list(rings: object, columns: int) -> list[Array]:
     """Rings (n, columns) as a list of arrays; one array of vertices is one ring. ValueError for anything else."""
+    parts = polygon_parts(rings)
+    if parts is not None and len(parts) > 1:
+        raise ValueError(f"found {len(parts)} polygons; needed one, or the constructor of several")
+    if parts is not None:
+        rings = parts[0]
     unlisted = isinstance(rings, str | bytes | Mapping) or (isinstance(rings, np.ndarray) and rings.ndim == 0)
+    if hasattr(rings, "__array__"):
+        whole = as_array(rings, "rings", f"(n, {columns})")
+        rings = [whole] if whole.ndim == 2 or whole.shape[1:2] == (1,) else whole
     if unlisted or not isinstance(rings, Iterable):
         raise ValueError(f"rings is a {type(rings).__name__}; needed a list of (n, {columns}) arrays")
-    listed: list[object] = list(rings)
+    listed: list[Any] = list(rings)
     if not listed:
         raise ValueError(f"rings is empty; needed at least one (n, {columns}) array")
     if _is_vertex(listed[0]):
@@ -35,12 +45,12 @@ def _is_vertex(item: object) -> bool:
     """Whether an item of a list is a row of numbers, so that the list is a ring."""
     try:
         return np.asarray(item).ndim == 1
-    except ValueError:
+    except (TypeError, ValueError, RuntimeError):
         return False
 
 
 def row_array(values: object, item: str, columns: int) -> Array:
-    """The values as floats (n, columns), the array itself where it holds such."""
+    """The values as floats (n, columns), the array itself where it holds such; OpenCV's (n, 1, columns), too."""
     return real_rows(values, item, columns).astype(np.float64, copy=False)
 
 
@@ -48,6 +58,8 @@ def real_rows(values: object, item: str, columns: int) -> NDArray[Any]:
     """The values as real numbers (n, columns), of whatever kind they are."""
     needed = f"(n, {columns})"
     array = real_array(values, item, needed)
+    if array.ndim == 3 and array.shape[1] == 1:
+        array = array[:, 0]
     if array.ndim != 2 or array.shape[1] != columns:
         raise ValueError(f"{item} has shape {array.shape}; needed {needed}")
     return array
@@ -55,10 +67,7 @@ def real_rows(values: object, item: str, columns: int) -> NDArray[Any]:
 
 def real_array(values: object, item: str, needed: str) -> NDArray[np.generic]:
     """The values as an array of real numbers, of whatever kind they are."""
-    try:
-        array = np.asarray(values)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{item} is not an array of numbers; needed {needed}") from error
+    array = as_array(values, item, needed)
     if array.dtype.kind not in "iuf":
         raise ValueError(f"{item} has type {array.dtype}; needed real numbers {needed}")
     return array
@@ -146,7 +155,7 @@ def checked_image(image: ArrayLike) -> NDArray[np.uint8]:
 
 def checked_levels(image: ArrayLike) -> NDArray[np.generic]:
     """An image (h, w) or (h, w, 3) of uint8, uint16 or floats in [0, 1], as it is; ValueError for others."""
-    given = np.asarray(image)
+    given = as_array(image, "image", "(h, w) or (h, w, 3)")
     if given.ndim not in {2, 3} or 0 in given.shape or (given.ndim == 3 and given.shape[2] != 3):
         raise ValueError(f"image has shape {given.shape}; needed (h, w) or (h, w, 3)")
     if given.dtype not in (np.uint8, np.uint16) and given.dtype.kind != "f":

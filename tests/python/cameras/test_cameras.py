@@ -396,7 +396,7 @@ def test_the_matrix_and_the_camera_hold_the_same() -> None:
         (lambda: FovCamera(1, 1, 0, 0, omega=0.0), "omega: found 0.0; needed a number above 0"),
         (lambda: FovCamera(1, 1, 0, 0, omega=3.2), "omega: found 3.2; needed an angle below pi"),
         (lambda: UnifiedCamera(1, 1, 0, 0, xi=-0.1), "xi: found -0.1; needed a number of at least 0"),
-        (lambda: CAMERAS[0].bearings([1.0, 2.0]), r"pixels has shape \(2,\); needed \(n, 2\)"),
+        (lambda: CAMERAS[0].bearings([1.0, 2.0, 3.0]), r"pixels has shape \(3,\); needed \(n, 2\)"),
         (lambda: CAMERAS[0].project(np.zeros((3, 2))), r"points has shape \(3, 2\); needed \(n, 3\)"),
         (lambda: CAMERAS[0].project([["a", "b", "c"]]), "points has type .* needed real numbers"),
     ],

@@ -92,7 +92,7 @@ RINGS: list[tuple[Callable[[], object], str]] = [
     (lambda: IMAGE_RING([SQUARE, None]), r"ring 1 has type object; needed real numbers \(n, 2\)"),
     (lambda: IMAGE_RING([[["0", "1"], ["1", "1"], ["1", "0"]]]), "ring 0 has type <U1; needed real numbers"),
     (lambda: IMAGE_RING([SQUARE * 1j]), "ring 0 has type complex128; needed real numbers"),
-    (lambda: IMAGE_RING([[[1, 2], [3]]]), r"ring 0 is not an array of numbers; needed \(n, 2\)"),
+    (lambda: IMAGE_RING([[[1, 2], [3]]]), r"ring 0 has rows of unequal length; needed \(n, 2\)"),
     (lambda: IMAGE_RING(None), "rings is a NoneType; needed a list"),
     (lambda: IMAGE_RING("square"), "rings is a str; needed a list"),
     (lambda: IMAGE_RING({0: SQUARE}), "rings is a dict; needed a list"),

@@ -270,7 +270,7 @@ def test_run_lengths_of_any_mask_come_back(mask: Mask) -> None:
     runs = run_lengths(mask)
     codes = [runs, run_length_text(runs), run_length_text(runs).encode()]
     entries = [{"segmentation": {"size": list(mask.shape), "counts": counts}} for counts in codes]
-    for found in masks_from_segmenter(entries):  # type: ignore[arg-type]
+    for found in masks_from_segmenter(entries):
         assert np.array_equal(found, mask)
 
 

@@ -29,7 +29,7 @@ LOGITS = np.linspace(-4.0, 4.0, HEIGHT * WIDTH).reshape(1, HEIGHT, WIDTH) + np.a
     ],
 )
 def test_kinds_of_a_segmenters_array(given_array: object) -> None:
-    masks = masks_from_segmenter(given_array)  # type: ignore[arg-type]
+    masks = masks_from_segmenter(given_array)
     assert len(masks) == 2
     for mask, logits in zip(masks, LOGITS, strict=True):
         assert mask.dtype == np.bool_
@@ -78,7 +78,7 @@ def test_kind_overrules_the_guess() -> None:
 )
 def test_arrays_that_are_no_masks(given_array: object, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        masks_from_segmenter(given_array)  # type: ignore[arg-type]
+        masks_from_segmenter(given_array)
 
 
 def test_values_that_are_not_of_the_kind_said() -> None:

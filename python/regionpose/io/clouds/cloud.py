@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from regionpose.io.clouds.errors import cloud_error
 from regionpose.validation.arrays import KeptArrays
+from regionpose.validation.foreign import HasPoints, HasVertices, as_array, surface_of
 
 Array = NDArray[np.float64]
 Scalars = NDArray[Any]
@@ -173,7 +174,7 @@ class Cloud(KeptArrays):
     @classmethod
     def from_points(
         cls,
-        points: ArrayLike,
+        points: ArrayLike | HasPoints | HasVertices,
         *,
         colors: ArrayLike | None = None,
         intensity: ArrayLike | None = None,
@@ -191,8 +192,8 @@ class Cloud(KeptArrays):
 
         Parameters
         ----------
-        points : (n, 3) array
-            World coordinates.
+        points : (n, 3) array, or a cloud or mesh of Open3D or trimesh
+            World coordinates; of another library's object its colors and triangles, too.
         colors : (n, 3) array, optional
             Of 8 bits, which are kept; of 16 bits, or fractions up to 1, which are brought to 8.
         intensity : (n,) array, optional
@@ -213,7 +214,12 @@ class Cloud(KeptArrays):
         CloudError
             A ValueError, where no point is finite or shapes disagree.
         """
-        world = np.asarray(points)
+        surface = surface_of(points)
+        if surface is not None:
+            points = surface.points
+            colors = surface.colors if colors is None else colors
+            triangles = surface.triangles if triangles is None else triangles
+        world = as_array(points, "points", "(n, 3)")
         if world.ndim != 2 or world.shape[1] != 3 or world.dtype.kind not in "iuf":
             raise cloud_error(source, "points", f"{world.dtype} of shape {world.shape}", "numbers of shape (n, 3)")
         world = np.asarray(world, dtype=np.float64)

@@ -8,15 +8,17 @@ from typing import Any, Literal
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from regionpose import _core
 from regionpose.io.masks.coco import run_length_mask
 from regionpose.io.masks.mask_files import MasksOfFile, file_items
 from regionpose.io.masks.mask_items import MaskItem, polygon_rings, size_of
+from regionpose.io.masks.segmenter_outputs import held_masks
 from regionpose.io.reading import read_pixels
 from regionpose.regions.image import ImageRegion
 from regionpose.validation.arrays import sample_bits
+from regionpose.validation.foreign import as_array
 
 Array = NDArray[np.float64]
 
@@ -147,26 +149,28 @@ def coverage_from_file(path: str | Path, size: tuple[int, int]) -> NDArray[np.fl
 
 
 def masks_from_segmenter(
-    masks: ArrayLike | Sequence[Mapping[str, ArrayLike]],
+    masks: Any,
     *,
     kind: Literal["mask", "probability", "logit"] | None = None,
     coverage: bool = False,
 ) -> list[NDArray[np.bool_] | NDArray[np.float32]]:
-    """Masks (h, w) of a segmenter's output.
+    """Masks (h, w) of a segmenter's output, as arrays, tensors, or the objects that hold them.
 
     The outline of probabilities lies at 1/2, of logits at 0.
 
     Parameters
     ----------
-    masks : (n, h, w), (n, 1, h, w) or (h, w) array, or sequence of mappings
-        The mappings with a "segmentation", as Segment Anything has them.
+    masks : (n, h, w), (n, 1, h, w) or (h, w) array, or what a segmenter returns
+        Segment Anything's automatic list of mappings with a "segmentation", or its predictor's triple (masks,
+        scores, logits), whose masks come by falling score; results of ultralytics, detections of supervision; of
+        transformers mappings with "masks", lists of mappings with a "mask", and maps of instances with "segments_info".
     kind : {"mask", "probability", "logit"}, optional
         What the numbers are; without it bool and the integers 0 and 1 (or 255) are masks, floats within [0, 1]
         probabilities, other floats logits.
     coverage : bool
         Return probabilities (float32), whose outline has sub-pixel places, instead of bool masks.
     """
-    given = _stacked(_arrays_of(masks))
+    given = _stacked(_arrays_of(held_masks(masks)))
     held = kind or _guessed_kind(given)
     if held not in ("mask", "probability", "logit"):
         raise ValueError(f"kind is {kind!r}; needed 'mask', 'probability', 'logit' or None")
@@ -178,9 +182,9 @@ def masks_from_segmenter(
     return [share if coverage else np.asarray(share > 0.5) for share in shares]
 
 
-def _arrays_of(masks: ArrayLike | Sequence[Mapping[str, ArrayLike]]) -> NDArray[np.generic]:
+def _arrays_of(masks: Any) -> NDArray[np.generic]:
     if not isinstance(masks, Sequence):
-        return np.asarray(masks)
+        return as_array(masks, "masks", "numbers (n, h, w) or (h, w)")
     arrays = [_array_of(entry, f"mask {index}") for index, entry in enumerate(masks)]
     shapes = {array.shape for array in arrays}
     if len(shapes) > 1:
@@ -205,10 +209,7 @@ def _array_of(entry: object, item: str) -> NDArray[np.generic]:
 
 
 def _rows_of(values: Any, item: str) -> NDArray[np.generic]:
-    try:
-        return np.asarray(values)
-    except ValueError as error:
-        raise ValueError(f"{item} has rows of unequal length; needed (h, w)") from error
+    return as_array(values, item, "(h, w)")
 
 
 def _stacked(given: NDArray[np.generic]) -> NDArray[np.generic]:
