@@ -28,11 +28,11 @@ fn main() -> Result<()> {
     let solve = |truth: &Pose| {
         let seen = plate.iter().map(|x| truth.transform(x)).collect();
         let image = ObservedRegion::new(vec![seen], 40_000.0);
-        let estimate = Problem::new(&[image], &worlds)?.estimate();
-        Ok(estimate.map(|estimate| estimate.best.pose.angle_to(truth).to_degrees()))
+        let estimate = Problem::new(&[image], &worlds)?.estimate()?;
+        Ok(estimate.best.pose.angle_to(truth).to_degrees())
     };
     let start = Instant::now();
-    let errors = in_parallel(&cameras, None, solve)?.into_iter().collect::<Result<Vec<Option<f64>>>>()?;
+    let errors = in_parallel(&cameras, None, solve)?;
     let elapsed = start.elapsed().as_secs_f64();
     let solved: Vec<f64> = errors.into_iter().flatten().collect();
     let worst = solved.iter().copied().fold(0.0, f64::max);

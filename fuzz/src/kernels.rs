@@ -1,15 +1,15 @@
 //! The kernels of the plane and the sphere, each against its laws.
 
 use nalgebra::{Vector2, Vector3};
-use regionpose::geometry::clipping::intersection;
-use regionpose::geometry::overlap::overlap_areas;
-use regionpose::geometry::rings::PlaneRings;
+use regionpose::internals::geometry::clipping::intersection;
+use regionpose::internals::geometry::overlap::overlap_areas;
+use regionpose::internals::geometry::rings::PlaneRings;
+use regionpose::internals::view::chart::Chart;
 use regionpose::mesh::alpha_shape::alpha_shape;
 use regionpose::mesh::even_mesh::even_mesh;
 use regionpose::mesh::triangulation::{MeshOptions, triangulate};
 use regionpose::moments::plane::planar_moments;
 use regionpose::moments::sphere::spherical_moments;
-use regionpose::view::chart::Chart;
 
 use crate::Outcome;
 use crate::random::Random;

@@ -22,7 +22,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use random::Random;
-use regionpose::effort::counted;
+use regionpose::internals::effort::counted;
 
 /// What is wrong with a result, if anything; `Ok(true)` where the input was taken, `Ok(false)` where it was refused.
 pub type Outcome = Result<bool, String>;

@@ -5,8 +5,8 @@ use std::fmt::Debug;
 use std::sync::atomic::Ordering;
 
 use nalgebra::{Matrix6, Rotation3, Vector3};
-use regionpose::contour::covariance::covariance;
-use regionpose::contour::fit::{ContourFit, refined};
+use regionpose::internals::contour::covariance::covariance;
+use regionpose::internals::contour::fit::{ContourFit, refined};
 use regionpose::{
     Estimate, Integration, ObservedRegion, Options, Pose, PoseSigma, Prior, Problem, Refinement, Start, System,
     WorldRegion,
@@ -187,7 +187,7 @@ pub fn estimate(random: &mut Random) -> Outcome {
     let options = options(random);
     let Some(problem) = set.problem(random) else { return Ok(false) };
     LOOK_WORK.store(problem.work(), Ordering::Relaxed);
-    let Ok(Some(estimate)) = problem.estimate_with(&options) else { return Ok(true) };
+    let Ok(estimate) = problem.estimate_with(&options) else { return Ok(true) };
     checked(&estimate)?;
     Ok(true)
 }
@@ -218,7 +218,7 @@ pub fn border(random: &mut Random) -> Outcome {
         }
     }
     let Some(problem) = set.problem(random) else { return Ok(false) };
-    if let Ok(Some(estimate)) = problem.estimate_with(&options(random)) {
+    if let Ok(estimate) = problem.estimate_with(&options(random)) {
         checked(&estimate)?;
     }
     Ok(true)
@@ -253,7 +253,7 @@ pub fn samples(random: &mut Random) -> Outcome {
         set.worlds.push(world);
     }
     let Some(problem) = set.problem(random) else { return Ok(false) };
-    if let Ok(Some(estimate)) = problem.estimate_with(&options(random)) {
+    if let Ok(estimate) = problem.estimate_with(&options(random)) {
         checked(&estimate)?;
     }
     Ok(true)

@@ -7,13 +7,13 @@ use std::time::{Duration, Instant};
 
 use criterion::{Bencher, Criterion, criterion_group, criterion_main};
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
+use regionpose::Error;
 use regionpose::Pose;
-use regionpose::alignment::cloud_edges::{CloudEdges, EdgeOptions};
-use regionpose::alignment::frame::{FINEST, Frame, PhotoView, SPREADS, SPREADS_PX};
-use regionpose::alignment::pictures::{DIRECTIONS, LogRatios};
-use regionpose::alignment::projection::Projection;
-use regionpose::effort;
-use regionpose::error::Error;
+use regionpose::internals::alignment::cloud_edges::{CloudEdges, EdgeOptions};
+use regionpose::internals::alignment::frame::{FINEST, Frame, PhotoView, SPREADS, SPREADS_PX};
+use regionpose::internals::alignment::pictures::{DIRECTIONS, LogRatios};
+use regionpose::internals::alignment::projection::Projection;
+use regionpose::internals::effort;
 
 /// Poses that take turns, so that the processor learns none of them.
 const POSES: usize = 16;

@@ -13,11 +13,11 @@ use std::f64::consts::TAU;
 use std::hint::black_box;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
-use regionpose::equations::residual::{RegionEquations, cost, normal_equations};
-use regionpose::equations::system::Weighting;
-use regionpose::equations::whitening::Orders;
-use regionpose::search::closed_form::closed_form;
-use regionpose::verdict::coverage::region_overlap;
+use regionpose::internals::equations::residual::{RegionEquations, cost, normal_equations};
+use regionpose::internals::equations::system::Weighting;
+use regionpose::internals::equations::whitening::Orders;
+use regionpose::internals::search::closed_form::closed_form;
+use regionpose::internals::verdict::coverage::region_overlap;
 use regionpose::{ObservedRegion, Pose, Problem, WorldRegion};
 
 const SCENES: usize = 20;
@@ -102,7 +102,7 @@ fn problem(scene: &Scene) -> Problem {
 
 #[inline(never)]
 fn pose_from_nothing(problem: &Problem) {
-    black_box(problem.estimate().expect("a pose in view"));
+    let _ = black_box(problem.estimate().expect("a pose in view"));
 }
 
 #[inline(never)]

@@ -5,8 +5,8 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::Vector2;
-use regionpose::geometry::overlap::overlap_areas;
-use regionpose::geometry::rings::PlaneRings;
+use regionpose::internals::geometry::overlap::overlap_areas;
+use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::mesh::alpha_shape::alpha_shape;
 use regionpose::mesh::even_mesh::even_mesh;
 use regionpose::mesh::triangulation::{MeshOptions, triangulate};

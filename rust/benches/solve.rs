@@ -7,8 +7,8 @@ use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{Rotation3, Vector3};
-use regionpose::equations::system::Weighting;
-use regionpose::search::closed_form::closed_form;
+use regionpose::internals::equations::system::Weighting;
+use regionpose::internals::search::closed_form::closed_form;
 use regionpose::{Integration, ObservedRegion, Options, Pose, Problem, System, WorldRegion};
 
 /// Vertices of each region.

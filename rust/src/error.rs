@@ -130,6 +130,9 @@ pub enum Error {
     /// A mask without a contour.
     #[error("mask is empty; needed at least one pixel that is covered by more than half")]
     EmptyMask,
+    /// No pose shows every region within its view.
+    #[error("no pose shows every region where it was observed; the regions need to be paired rightly")]
+    NoPose,
     /// The two sides do not pair up.
     #[error("there are {observed} observed and {world} world regions; there need to be as many of each, at least 1")]
     Unpaired {

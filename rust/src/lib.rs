@@ -11,7 +11,7 @@
 //! [`Error`] that names it; whatever makes a pose doubtful is a [`Warning`] of the [`Estimate`].
 //!
 //! ```
-//! use nalgebra::Vector3;
+//! use regionpose::nalgebra::Vector3;
 //! use regionpose::{ObservedRegion, Problem, WorldRegion};
 //!
 //! // An L-shaped sign in the world (meters), and its corners as a camera 4 m before it sees them.
@@ -21,13 +21,13 @@
 //!
 //! let observed = ObservedRegion::new(vec![bearings], 20_000.0); // its area in pixels
 //! let world = WorldRegion::from_rings(&[sign])?;
-//! let estimate = Problem::new(&[observed], &[world])?.estimate().expect("a pose in view");
+//! let estimate = Problem::new(&[observed], &[world])?.estimate()?;
 //! assert!((estimate.best.pose.translation - Vector3::new(-0.2, 0.1, 4.0)).norm() < 1e-9);
 //! # Ok::<(), regionpose::Error>(())
 //! ```
 //!
 //! What is known beforehand, and what else is to be done differently, goes into [`Options`]; [`Problem::with`] takes other
-//! integrals. A least squares of one's own runs between [`Problem::search`] and [`Search::judged`].
+//! integrals. A least squares of one's own runs between [`Problem::search`] and [`Search::assess`].
 //!
 //! # Features
 //!
@@ -37,60 +37,107 @@
 //! - `mesh`: triangulated regions and outlines of points; without it [`Integration::Mesh`] is refused.
 #![forbid(unsafe_code)]
 
-// Hidden modules are for the tests, benchmarks and bindings of this repository; no promise is made of them.
 #[cfg(feature = "alignment")]
-#[doc(hidden)]
-pub mod alignment;
+mod alignment;
 #[cfg(feature = "batch")]
-#[doc(hidden)]
-pub mod batch;
-#[doc(hidden)]
-pub mod contour;
-#[doc(hidden)]
-pub mod effort;
-#[doc(hidden)]
-pub mod equations;
-#[doc(hidden)]
-pub mod error;
-#[doc(hidden)]
-pub mod geometry;
-#[doc(hidden)]
-pub mod math;
+mod batch;
+mod contour;
+mod effort;
+mod equations;
+mod error;
+mod geometry;
+mod math;
 pub mod mesh;
 pub mod moments;
-#[doc(hidden)]
-pub mod options;
-#[doc(hidden)]
-pub mod prior;
-#[doc(hidden)]
-pub mod problem;
-#[doc(hidden)]
-pub mod region;
-#[doc(hidden)]
-pub mod samples;
-#[doc(hidden)]
-pub mod search;
-#[doc(hidden)]
-pub mod verdict;
-#[doc(hidden)]
-pub mod view;
+mod options;
+mod prior;
+mod problem;
+mod region;
+mod samples;
+mod search;
+mod verdict;
+mod view;
 
 #[cfg(feature = "batch")]
 pub use batch::in_parallel;
 pub use contour::creases::Crease;
+pub use contour::fit::ContourFit;
+pub use contour::mixture::Mixture;
 pub use equations::facet::Integration;
-pub use equations::system::System;
-pub use error::{Error, Result};
-pub use geometry::pose::Pose;
+pub use equations::least_squares::{Minimum, Termination};
+pub use equations::residual::Evaluation;
+pub use equations::system::{System, Weighting};
+pub use error::{Contact, Error, Result};
+pub use geometry::pose::{Pose, Tangent};
+pub use geometry::rings::PlaneRings;
 pub use math::gaussian::Gaussian;
+pub use nalgebra;
 pub use options::{FrameSigma, Limits, Options, Refinement, Start};
-pub use prior::{PoseSigma, Prior};
+pub use prior::{FromInitial, FromNear, FromUp, PoseSigma, Prior};
 pub use problem::Problem;
-pub use region::{ObservedRegion, WorldRegion};
+pub use region::samples::Samples;
+pub use region::{ObservedRegion, Pixels, PlaneFrame, Surface, WorldRegion};
+pub use samples::posterior::Posterior;
 pub use search::Search;
+pub use verdict::confidence::{Evidence, Shown};
 pub use verdict::estimate::Estimate;
 pub use verdict::solution::Solution;
-pub use verdict::warning::Warning;
+pub use verdict::warning::{Cause, Warning, Way};
+
+/// What the tests, benchmarks and bindings of this repository use beside the public interface; no promise is made of it.
+#[doc(hidden)]
+pub mod internals {
+    #[cfg(feature = "alignment")]
+    pub mod alignment {
+        pub use crate::alignment::*;
+    }
+    #[cfg(feature = "batch")]
+    pub mod batch {
+        pub use crate::batch::*;
+    }
+    pub mod contour {
+        pub use crate::contour::*;
+    }
+    pub mod effort {
+        pub use crate::effort::*;
+    }
+    pub mod equations {
+        pub use crate::equations::*;
+    }
+    pub mod error {
+        pub use crate::error::*;
+    }
+    pub mod geometry {
+        pub use crate::geometry::*;
+    }
+    pub mod math {
+        pub use crate::math::*;
+    }
+    pub mod options {
+        pub use crate::options::*;
+    }
+    pub mod prior {
+        pub use crate::prior::*;
+    }
+    pub mod problem {
+        pub use crate::problem::*;
+    }
+    pub mod region {
+        pub use crate::region::*;
+    }
+    pub mod samples {
+        pub use crate::samples::*;
+    }
+    pub mod search {
+        pub use crate::search::*;
+    }
+    pub mod verdict {
+        pub use crate::verdict::*;
+    }
+    pub mod view {
+        pub use crate::view::*;
+    }
+}
 
 /// The README's Rust blocks, run as tests.
 #[cfg(doctest)]

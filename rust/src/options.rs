@@ -37,11 +37,12 @@ pub enum Refinement {
 /// // A camera held upright, in a world whose y axis points down; the moments alone decide.
 /// let prior = Prior { up: Some(-Vector3::y()), ..Prior::default() };
 /// let options = Options { prior, refinement: Refinement::Off, ..Options::default() };
-/// let estimate = Problem::new(&observed, &worlds)?.estimate_with(&options)?.expect("a pose in view");
+/// let estimate = Problem::new(&observed, &worlds)?.estimate_with(&options)?;
 /// assert!(estimate.warnings.is_empty() && estimate.best.minimum.is_some());
 /// # Ok::<(), regionpose::Error>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[must_use]
 pub struct Options {
     /// Where the search starts.
     pub start: Start,

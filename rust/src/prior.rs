@@ -41,17 +41,18 @@ pub struct PoseSigma {
 /// let poster = [(0.0, 0.0), (1.6, 0.0), (1.6, 1.0), (0.0, 1.0)].map(|(x, y)| Vector3::new(x, y, 0.3 * y)).to_vec();
 /// let seen = poster.iter().map(|x| x + Vector3::new(-0.5, 0.2, 4.0)).collect();
 /// let problem = Problem::new(&[ObservedRegion::new(vec![seen], 90_000.0)], &[WorldRegion::from_rings(&[poster])?])?;
-/// assert_eq!(problem.estimate().expect("a pose in view").alternatives.len(), 3);
+/// assert_eq!(problem.estimate()?.alternatives.len(), 3);
 ///
 /// // A rough pose with its standard deviations, 6 degrees and 20 cm, leaves one of them.
 /// let initial = Pose::new(Pose::identity().rotation, Vector3::new(-0.4, 0.1, 4.1));
 /// let sigma = PoseSigma { rotation: 0.1, place: 0.2 };
 /// let prior = Prior { initial: Some(initial), initial_sigma: Some(sigma), ..Prior::default() };
-/// let estimate = problem.estimate_with(&Options { prior, ..Options::default() })?.expect("a pose in view");
+/// let estimate = problem.estimate_with(&Options { prior, ..Options::default() })?;
 /// assert!(estimate.alternatives.is_empty() && estimate.best.pose.angle_to(&initial) < 1e-6);
 /// # Ok::<(), regionpose::Error>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[must_use]
 pub struct Prior {
     /// A rough pose, `camera_from_world`.
     pub initial: Option<Pose>,
@@ -125,7 +126,7 @@ impl Prior {
     /// deviation that is not a positive number; the message names the field.
     pub fn check(&self) -> Result<()> {
         if let Some(Pose { rotation, translation }) = self.initial {
-            Pose::from_matrix(rotation.matrix(), translation)?;
+            let _ = Pose::from_matrix(rotation.matrix(), translation)?;
         }
         for (item, vector) in [("near entry", self.near), ("up entry", self.up)] {
             let entries = vector.iter().flatten().enumerate();
@@ -163,12 +164,14 @@ impl Prior {
     }
 
     /// The most that it counts against a pose, in variances.
+    #[doc(hidden)]
     pub fn most(&self) -> f64 {
         let terms = [self.up.is_some(), self.rough().is_some(), self.near.is_some()];
         terms.into_iter().filter(|given| *given).count() as f64 * BELIEVED
     }
 
     /// What counts against a pose with this covariance of its left increment, in variances (`docs/math.md`, eq. 10.5).
+    #[doc(hidden)]
     pub fn penalty(&self, pose: &Pose, covariance: &Matrix6<f64>) -> f64 {
         let initial = self.from_initial(pose, covariance).and_then(|from| from.sigmas);
         let up = self.from_up(pose, covariance).map(|from| from.sigmas);

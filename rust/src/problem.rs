@@ -35,13 +35,14 @@ pub const MOST_LOOKS: u64 = 2_500;
 /// # let observed = [ObservedRegion::new(vec![bearings], 20_000.0)];
 /// # let worlds = [WorldRegion::from_rings(&[sign])?];
 /// let problem = Problem::new(&observed, &worlds)?;
-/// let Some(estimate) = problem.estimate() else { panic!("no pose shows the region where it was seen") };
+/// let estimate = problem.estimate()?;
 /// println!("{:?}, covariance {}", estimate.best.pose, estimate.best.covariance);
 /// estimate.warnings.iter().for_each(|warning| println!("{}: {warning}", warning.code()));
 /// assert!(estimate.alternatives.is_empty() && estimate.warnings.is_empty());
 /// # Ok::<(), regionpose::Error>(())
 /// ```
 #[derive(Debug, Clone)]
+#[must_use]
 pub struct Problem {
     /// World coordinates are taken relative to this point, so that large ones lose no digits.
     origin: Vector3<f64>,
@@ -74,7 +75,7 @@ impl Problem {
     /// # let worlds = [WorldRegion::from_rings(&[sign])?];
     /// // Moments of solid angle: the measure of a camera with a wide field.
     /// let problem = Problem::with(&observed, &worlds, System::Sphere, Integration::Boundary)?;
-    /// assert!(problem.estimate().is_some());
+    /// assert!(problem.estimate().is_ok());
     /// # Ok::<(), regionpose::Error>(())
     /// ```
     ///
@@ -104,6 +105,7 @@ impl Problem {
     }
 
     /// The equations of each region.
+    #[doc(hidden)]
     pub fn regions(&self) -> &[RegionEquations] {
         &self.regions
     }
@@ -134,6 +136,7 @@ impl Problem {
     }
 
     /// The observed contour of each region and the boundary of its world region, about the problem's origin.
+    #[doc(hidden)]
     pub fn contours(&self) -> &[Contour] {
         &self.contours
     }
@@ -144,6 +147,7 @@ impl Problem {
     }
 
     /// The regions whose world side has samples, which count in place of its outline.
+    #[doc(hidden)]
     pub fn sampled(&self) -> &[SampledRegion] {
         &self.sampled
     }
@@ -156,16 +160,19 @@ impl Problem {
     }
 
     /// The straight edges that two regions share, as far as their outlines and planes show any.
+    #[doc(hidden)]
     pub fn creases(&self) -> &[Crease] {
         self.creases.get_or_init(|| creases(&self.regions, &self.worlds, &self.origin).into())
     }
 
     /// The part of a crease's line in the world that a pose shows between the ends of the edge, `camera_from_world`.
+    #[doc(hidden)]
     pub fn crease_segment(&self, crease: &Crease, pose: &Pose) -> [Vector3<f64>; 2] {
         crease.segment(&self.centered(pose)).map(|place| place + self.origin)
     }
 
     /// What one look at all of the problem counts as (`effort`): its moments, the pieces of its contours, its samples.
+    #[doc(hidden)]
     pub fn work(&self) -> u64 {
         let regions =
             self.regions.iter().zip(self.contours.iter()).map(|(region, contour)| region.work() + contour.work());
@@ -200,12 +207,14 @@ impl Problem {
     }
 
     /// Variance of the boundary's noise that a whitened cost shows, squared pixels (`docs/math.md`, eq. 10.2).
+    #[doc(hidden)]
     pub fn noise_variance(&self, cost: f64) -> f64 {
         (cost / self.degrees_of_freedom()).max(NOISE_FLOOR * NOISE_FLOOR)
     }
 
     /// How much worse than another a whitened cost is, in variances, where at most so many `numbers` tell of the noise
     /// (`docs/math.md`, eq. 10.3).
+    #[doc(hidden)]
     pub fn worse_by_moments(&self, cost: f64, other: f64, numbers: f64) -> f64 {
         let numbers = self.degrees_of_freedom().min(numbers);
         numbers * (self.noise_variance(cost) / self.noise_variance(other)).ln()
@@ -240,6 +249,7 @@ impl Problem {
     }
 
     /// The pose for world points about the problem's origin.
+    #[doc(hidden)]
     pub fn centered(&self, pose: &Pose) -> Pose {
         Pose::new(pose.rotation, pose.transform(&self.origin))
     }

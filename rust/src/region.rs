@@ -42,6 +42,7 @@ const ON_EDGE: f64 = 1e-3;
 /// # Ok::<(), regionpose::Error>(())
 /// ```
 #[derive(Debug, Clone)]
+#[must_use]
 pub struct ObservedRegion {
     /// Bearings of each ring's vertices, in camera axes; the rings may turn either way.
     pub rings: Vec<Vec<Vector3<f64>>>,
@@ -107,6 +108,7 @@ impl ObservedRegion {
 /// # Ok::<(), regionpose::Error>(())
 /// ```
 #[derive(Debug, Clone)]
+#[must_use]
 pub struct WorldRegion {
     frame: PlaneFrame,
     outline: PlaneRings,

@@ -49,10 +49,11 @@ use crate::problem::Problem;
 /// let search = Problem::new(&observed, &worlds)?.search(&Options::default())?;
 /// // Any least squares may run here; this one is `Problem::estimate`'s.
 /// let minima = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
-/// assert!(search.judged(minima).is_some_and(|estimate| estimate.alternatives.is_empty()));
+/// assert!(search.assess(minima).is_ok_and(|estimate| estimate.alternatives.is_empty()));
 /// # Ok::<(), regionpose::Error>(())
 /// ```
 #[derive(Debug, Clone)]
+#[must_use]
 pub struct Search {
     /// The problem, whitened for the boundary noise of its best candidate.
     pub(crate) problem: Problem,
@@ -71,7 +72,7 @@ impl Problem {
     /// Samples that tell nothing at any of them change nothing: their regions are known by their outlines alone.
     ///
     /// # Errors
-    /// A prior that [`Prior::check`] refuses.
+    /// A prior that [`Prior::check`](crate::Prior::check) refuses.
     pub fn search(&self, options: &Options) -> Result<Search> {
         options.prior.check()?;
         Ok(self.checked_search(options))

@@ -2,7 +2,7 @@
 
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Scene};
-use regionpose::effort;
+use regionpose::internals::effort;
 use regionpose::{Estimate, Integration, Problem, Result, System, in_parallel};
 
 fn scenes() -> Vec<Scene> {
@@ -49,13 +49,13 @@ fn a_problem_that_is_refused_or_unsolved_leaves_the_others_alone() {
     let mut scenes = scenes();
     scenes[3].observed[0].rings[0].truncate(2);
     scenes[5].observed.pop();
-    let solve = |scene: &Scene| Ok(Problem::new(&scene.observed, &scene.worlds)?.estimate());
-    let answers: Vec<Result<Option<Estimate>>> = in_parallel(&scenes, Some(2), solve).unwrap();
+    let solve = |scene: &Scene| Problem::new(&scene.observed, &scene.worlds)?.estimate();
+    let answers: Vec<Result<Estimate>> = in_parallel(&scenes, Some(2), solve).unwrap();
     for (index, (scene, answer)) in scenes.iter().zip(&answers).enumerate() {
         match (index, answer) {
             (3, Err(error)) => assert!(error.to_string().starts_with("region 0: ring 0 has 2 distinct"), "{error}"),
             (5, Err(error)) => assert!(error.to_string().starts_with("there are "), "{error}"),
-            (_, Ok(Some(estimate))) => assert!(scene.errors(&estimate.best.pose).0 < 1e-9, "problem {index}"),
+            (_, Ok(estimate)) => assert!(scene.errors(&estimate.best.pose).0 < 1e-9, "problem {index}"),
             (_, other) => panic!("problem {index}: {other:?}"),
         }
     }

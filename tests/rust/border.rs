@@ -5,13 +5,13 @@ use crate::support::jacobian::assert_jacobian;
 use crate::support::random::Random;
 use crate::support::scene::{FOCAL, Ring, SpaceRing, pierced_star, placed, rectangle, rendered, seen_plane, star};
 use nalgebra::{DVector, Vector2, Vector3};
-use regionpose::equations::system::Weighting;
-use regionpose::geometry::clipping::{Window, intersection};
-use regionpose::geometry::overlap::overlap_areas;
-use regionpose::geometry::pose::Tangent;
-use regionpose::geometry::rings::PlaneRings;
+use regionpose::internals::equations::system::Weighting;
+use regionpose::internals::geometry::clipping::{Window, intersection};
+use regionpose::internals::geometry::overlap::overlap_areas;
+use regionpose::internals::geometry::pose::Tangent;
+use regionpose::internals::geometry::rings::PlaneRings;
+use regionpose::internals::verdict::coverage::region_overlap;
 use regionpose::moments::plane::planar_moments;
-use regionpose::verdict::coverage::region_overlap;
 use regionpose::{Error, Integration, ObservedRegion, Options, Pose, Problem, Refinement, System, WorldRegion};
 
 /// Sums over the same outlines in another order differ by rounding.
@@ -228,7 +228,7 @@ fn a_cut_region_alone_gives_its_pose() {
             let scene = Cut::random(seed, true);
             let world = WorldRegion::from_rings(&scene.rings).unwrap();
             let problem = scene.problem(world, System::Plane);
-            let estimate = problem.estimate_with(&Options { refinement, ..Options::default() }).unwrap().unwrap();
+            let estimate = problem.estimate_with(&Options { refinement, ..Options::default() }).unwrap();
             let found = std::iter::once(&estimate.best).chain(&estimate.alternatives);
             let error = found.map(|s| s.pose.angle_to(&scene.pose)).fold(f64::INFINITY, f64::min);
             let allowed = if refinement == Refinement::Off { EXACT } else { ROUNDED };

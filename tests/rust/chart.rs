@@ -7,9 +7,9 @@ use crate::support::scene::{SpaceRing, pierced_star, placed, seen_plane};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use proptest::prelude::*;
 use regionpose::Error;
+use regionpose::internals::view::bearing_rings::BearingRings;
+use regionpose::internals::view::chart::{Chart, MIN_COSINE};
 use regionpose::moments::plane::planar_moments;
-use regionpose::view::bearing_rings::BearingRings;
-use regionpose::view::chart::{Chart, MIN_COSINE};
 
 /// Error allowed of chart coordinates, which are of size one.
 const ROUNDING: f64 = 1e-12;

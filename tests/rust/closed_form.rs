@@ -6,11 +6,11 @@ use crate::support::scene::{
 };
 use nalgebra::{Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
-use regionpose::equations::least_squares::{Stopping, minimize};
-use regionpose::equations::system::Weighting;
-use regionpose::geometry::rings::PlaneRings;
-use regionpose::search::closed_form::{closed_form, conjugate, facing};
-use regionpose::view::chart::Chart;
+use regionpose::internals::equations::least_squares::{Stopping, minimize};
+use regionpose::internals::equations::system::Weighting;
+use regionpose::internals::geometry::rings::PlaneRings;
+use regionpose::internals::search::closed_form::{closed_form, conjugate, facing};
+use regionpose::internals::view::chart::Chart;
 use regionpose::{Integration, Options, Pose, Prior, Start, System, WorldRegion};
 
 /// Error of the closed form on an affine view, rad and share of the distance: the turn comes from a parabola through
@@ -215,7 +215,7 @@ fn paper_solves(scene: &Scene, up: &Vector3<f64>, system: System) -> bool {
         prior,
         ..Options::default()
     });
-    estimate.unwrap().is_some_and(|estimate| scene.errors(&estimate.best.pose).0 < SOLVED)
+    estimate.is_ok_and(|estimate| scene.errors(&estimate.best.pose).0 < SOLVED)
 }
 
 /// Facing lies midway between two poses that look alike, so that least squares from there may end at the wrong one.

@@ -7,9 +7,9 @@ use crate::support::random::Random;
 use crate::support::scene::{Layout, Scene, star};
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
-use regionpose::contour::votes::Vote;
-use regionpose::verdict::confidence::{Evidence, Shown};
-use regionpose::verdict::shares::{shares, together};
+use regionpose::internals::contour::votes::Vote;
+use regionpose::internals::verdict::confidence::{Evidence, Shown};
+use regionpose::internals::verdict::shares::{shares, together};
 use regionpose::{Pose, Problem, Solution};
 
 /// Regions that are marked and solved.
@@ -151,7 +151,7 @@ fn of_few_marked_corners_the_first_answer_is_right_as_often_as_its_share_says() 
         let shape = vec![vec![star(&mut random, 4, 0.6)]];
         let scene = Scene::of_shapes(&mut random, shape, layout());
         let observed = clicked(&scene.observed[0], 0.5, &mut random);
-        let Some(estimate) = Problem::new(&[observed], &scene.worlds).unwrap().estimate() else { continue };
+        let Ok(estimate) = Problem::new(&[observed], &scene.worlds).unwrap().estimate() else { continue };
         let answers = || iter::once(&estimate.best).chain(&estimate.alternatives);
         let is_right = |answer: &&Solution| scene.pose.angle_to(&answer.pose).to_degrees() < 5.0;
         if answers().count() > 1 && answers().any(|answer| is_right(&answer)) {

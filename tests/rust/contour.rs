@@ -6,10 +6,10 @@ use crate::support::random::Random;
 use crate::support::scene::{FOCAL, Layout, Scene, SpaceRing};
 use nalgebra::{DVector, Matrix6, Vector3};
 use proptest::prelude::*;
-use regionpose::contour::fit::{ContourFit, refined};
-use regionpose::contour::readings::Reading;
-use regionpose::equations::normal_equations::NormalEquations;
-use regionpose::geometry::pose::Tangent;
+use regionpose::internals::contour::fit::{ContourFit, refined};
+use regionpose::internals::contour::readings::Reading;
+use regionpose::internals::equations::normal_equations::NormalEquations;
+use regionpose::internals::geometry::pose::Tangent;
 use regionpose::{Estimate, ObservedRegion, Options, Pose, Problem, Refinement, Warning};
 
 /// Error allowed of exact derivatives: that of the differences.
@@ -34,7 +34,7 @@ fn problem(scene: &Scene, observed: &[ObservedRegion]) -> Problem {
 }
 
 fn estimated(scene: &Scene, observed: &[ObservedRegion], refinement: Refinement) -> Estimate {
-    problem(scene, observed).estimate_with(&Options { refinement, ..Options::default() }).unwrap().unwrap()
+    problem(scene, observed).estimate_with(&Options { refinement, ..Options::default() }).unwrap()
 }
 
 #[test]

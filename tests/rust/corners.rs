@@ -4,9 +4,9 @@ use crate::support::random::Random;
 use crate::support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, angle_piece};
 use nalgebra::{Rotation2, Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
-use regionpose::geometry::simplified::simplified;
-use regionpose::search::corners::{corner_poses, is_plausible, projected_area, triangle_poses};
-use regionpose::view::chart::Chart;
+use regionpose::internals::geometry::simplified::simplified;
+use regionpose::internals::search::corners::{corner_poses, is_plausible, projected_area, triangle_poses};
+use regionpose::internals::view::chart::Chart;
 use regionpose::{Estimate, ObservedRegion, Pose, Problem};
 
 /// Chart units per pixel of the scenes' cameras.

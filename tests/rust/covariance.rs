@@ -4,9 +4,9 @@ use crate::support::contours::{all_bitten, clicked};
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Ring, Scene, angle_piece, regular};
 use nalgebra::{Matrix6, Rotation3, Vector3, Vector6};
-use regionpose::contour::covariance::covariance;
-use regionpose::contour::fit::refined;
-use regionpose::contour::numbers::telling;
+use regionpose::internals::contour::covariance::covariance;
+use regionpose::internals::contour::fit::refined;
+use regionpose::internals::contour::numbers::telling;
 use regionpose::{Integration, Pose, Problem, System};
 
 /// 90 % of chi-squared with 6 degrees of freedom lie below.

@@ -4,7 +4,7 @@ use crate::support::jacobian::assert_jacobian;
 use crate::support::random::Random;
 use crate::support::scene::{Scene, SpaceRing, rendered};
 use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector2, Vector3};
-use regionpose::contour::creases::Crease;
+use regionpose::internals::contour::creases::Crease;
 use regionpose::{Estimate, ObservedRegion, Pose, Problem, Solution, WorldRegion};
 
 /// Two faces of a box that meet in the world's y axis, `gap` before it.

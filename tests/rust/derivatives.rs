@@ -5,15 +5,17 @@ use crate::support::random::Random;
 use crate::support::scene::{Layout, Ring, Scene, pierced_star, placed, rendered, seen_plane, star};
 use nalgebra::{DVector, Dyn, OMatrix, U6, Vector2, Vector3};
 use proptest::prelude::*;
-use regionpose::equations::derivatives::{PLANE_REACH, Row, SPHERE_REACH, plane_derivative, sphere_derivative};
-use regionpose::equations::facet::SPHERE_MESH_SIZE;
-use regionpose::equations::residual::{Evaluation, cost, normal_equations};
-use regionpose::equations::system::Weighting;
-use regionpose::geometry::pose::Tangent;
-use regionpose::geometry::rings::PlaneRings;
+use regionpose::internals::equations::derivatives::{
+    PLANE_REACH, Row, SPHERE_REACH, plane_derivative, sphere_derivative,
+};
+use regionpose::internals::equations::facet::SPHERE_MESH_SIZE;
+use regionpose::internals::equations::residual::{Evaluation, cost, normal_equations};
+use regionpose::internals::equations::system::Weighting;
+use regionpose::internals::geometry::pose::Tangent;
+use regionpose::internals::geometry::rings::PlaneRings;
+use regionpose::internals::region::PlaneFrame;
 use regionpose::moments::plane::planar_moments;
 use regionpose::moments::sphere::spherical_moments;
-use regionpose::region::PlaneFrame;
 use regionpose::{Integration, Pose, Problem, System, WorldRegion};
 
 /// Error allowed of exact derivatives: that of the differences.

@@ -3,8 +3,8 @@
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Ring, Scene, angle_piece, placed, rendered, seen_plane};
 use nalgebra::{Rotation3, Vector2, Vector3};
-use regionpose::contour::fit::refined;
-use regionpose::search::directions::direction_poses;
+use regionpose::internals::contour::fit::refined;
+use regionpose::internals::search::directions::direction_poses;
 use regionpose::{Integration, Pose, Prior, Problem, System, WorldRegion};
 
 /// Every piece of the contours.

@@ -3,7 +3,7 @@
 use crate::support::random::Random;
 use crate::support::scene::{FOCAL, Layout, Scene};
 use nalgebra::{Vector2, Vector3};
-use regionpose::view::mask::{Mask, MaskContours};
+use regionpose::internals::view::mask::{Mask, MaskContours};
 use regionpose::{ObservedRegion, Options, Problem, Refinement};
 
 /// Scenes, and how much worse than the moments' a pose may be: what is left of its last iterations.
@@ -63,7 +63,7 @@ fn errors(side: f64) -> Vec<[f64; 2]> {
         let observed: Vec<_> = scene.observed.iter().map(|region| painted(region, side, &mut random)).collect();
         let problem = Problem::new(&observed, &scene.worlds).unwrap();
         [Refinement::Contour, Refinement::Off].map(|refinement| {
-            let estimate = problem.estimate_with(&Options { refinement, ..Options::default() }).unwrap().unwrap();
+            let estimate = problem.estimate_with(&Options { refinement, ..Options::default() }).unwrap();
             scene.errors(&estimate.best.pose).0
         })
     };

@@ -3,7 +3,7 @@
 use crate::support::random::Random;
 use crate::support::scene::{Ring, pierced_star, rectangle, regular, star};
 use nalgebra::Vector2;
-use regionpose::geometry::edge_field::EdgeField;
+use regionpose::internals::geometry::edge_field::EdgeField;
 
 /// The nearest edge is found to rounding, as a share of the coordinates.
 const ROUNDING: f64 = 1e-12;

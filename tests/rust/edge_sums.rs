@@ -4,14 +4,14 @@ use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, Vector2, Vector3, Vector6};
+use regionpose::Error;
 use regionpose::Pose;
-use regionpose::alignment::cloud_edges::{CloudEdges, EdgeOptions};
-use regionpose::alignment::density::PoseDensity;
-use regionpose::alignment::frame::{Frame, MOST_EDGES, PhotoView, SPREADS};
-use regionpose::alignment::pictures::{DIRECTIONS, LogRatios};
-use regionpose::alignment::projection::Projection;
-use regionpose::alignment::search::{SearchOptions, search};
-use regionpose::error::Error;
+use regionpose::internals::alignment::cloud_edges::{CloudEdges, EdgeOptions};
+use regionpose::internals::alignment::density::PoseDensity;
+use regionpose::internals::alignment::frame::{Frame, MOST_EDGES, PhotoView, SPREADS};
+use regionpose::internals::alignment::pictures::{DIRECTIONS, LogRatios};
+use regionpose::internals::alignment::projection::Projection;
+use regionpose::internals::alignment::search::{SearchOptions, search};
 
 use crate::support::random::Random;
 

@@ -8,16 +8,16 @@ use std::time::{Duration, Instant};
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Scene, rectangle, regular, star};
 use nalgebra::{Rotation3, Vector2, Vector3};
-use regionpose::effort;
-use regionpose::equations::system::Weighting;
-use regionpose::geometry::rings::PlaneRings;
+use regionpose::internals::effort;
+use regionpose::internals::equations::system::Weighting;
+use regionpose::internals::geometry::rings::PlaneRings;
+use regionpose::internals::options::Options;
+use regionpose::internals::problem::MOST_LOOKS;
+use regionpose::internals::verdict::coverage::overlap_errors;
+use regionpose::internals::view::chart::Chart;
 use regionpose::mesh::MOST_TRIANGLES;
 use regionpose::mesh::even_mesh::even_mesh;
 use regionpose::mesh::triangulation::{MeshOptions, triangulate};
-use regionpose::options::Options;
-use regionpose::problem::MOST_LOOKS;
-use regionpose::verdict::coverage::overlap_errors;
-use regionpose::view::chart::Chart;
 use regionpose::{Error, Integration, ObservedRegion, Pose, Problem, System, WorldRegion};
 
 /// A refusal comes before the work: far sooner than any mesh of so many triangles.
@@ -108,7 +108,7 @@ fn covariances_are_symmetric_and_positive_or_infinite_with_a_warning() {
         let layout = Layout { regions: 1 + case % 2, unit, tilt, vertices: 4, ..Layout::default() };
         let scene = Scene::random(&mut random, layout);
         let Ok(problem) = Problem::new(&scene.observed, &scene.worlds) else { continue };
-        let Some(estimate) = problem.estimate() else { continue };
+        let Ok(estimate) = problem.estimate() else { continue };
         let said = estimate.warnings.iter().map(|warning| warning.to_string()).collect::<String>();
         assert!(!said.contains("NaN") && !said.contains("inf "), "case {case}: {said}");
         let covariance = estimate.best.covariance;
@@ -240,7 +240,7 @@ fn a_search_beside_several_hundred_edges_is_bounded() {
         let most = MOST_LOOKS * problem.work();
         assert!(work < most + most / 10, "{name}: {work}, bound {most}");
         let minima = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
-        let estimate = search.judged(minima).unwrap();
+        let estimate = search.assess(minima).unwrap();
         let says_so = estimate.warnings.iter().any(|warning| warning.code() == "not-converged");
         assert_eq!(says_so, work >= most, "{name}: {work}, bound {most}");
     }
@@ -281,7 +281,7 @@ fn ordinary_searches_spend_a_part_of_what_they_may() {
     for (place, scene) in (1..4).map(scene).chain(discs).enumerate() {
         let problem = scene.problem(System::Plane, Integration::Boundary);
         let (estimate, work) = effort::counted(|| problem.estimate());
-        assert!(estimate.is_some() && work < MOST_LOOKS / 2 * problem.work(), "{place}: {work} of {}", problem.work());
+        assert!(estimate.is_ok() && work < MOST_LOOKS / 2 * problem.work(), "{place}: {work} of {}", problem.work());
     }
 }
 

@@ -8,7 +8,7 @@ use regionpose::{Estimate, FrameSigma, Limits, ObservedRegion, Options, Problem,
 
 fn estimated(observed: &[ObservedRegion], worlds: &[WorldRegion], frame_sigma: FrameSigma) -> Estimate {
     let problem = Problem::new(observed, worlds).unwrap();
-    problem.estimate_with(&Options { frame_sigma, ..Options::default() }).unwrap().unwrap()
+    problem.estimate_with(&Options { frame_sigma, ..Options::default() }).unwrap()
 }
 
 /// What the scene's camera sees of its regions, each bearing changed by its region's number.
@@ -110,7 +110,7 @@ fn a_pose_beyond_the_limits_has_a_warning_that_names_them() {
     let scene = Scene::random(&mut Random::new(5), layout(3));
     let warned = |limits: Limits| {
         let options = Options { limits, ..Options::default() };
-        let estimate = Problem::new(&scene.observed, &scene.worlds).unwrap().estimate_with(&options).unwrap().unwrap();
+        let estimate = Problem::new(&scene.observed, &scene.worlds).unwrap().estimate_with(&options).unwrap();
         let weak = estimate.warnings.iter().find_map(|warning| match warning {
             Warning::WeakGeometry { degrees, shift, most_degrees, most_shift, .. } => {
                 Some([*degrees, *shift, *most_degrees, *most_shift])

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use crate::support::random::Random;
 use crate::support::scene::{FOCAL, Layout, Ring, Scene, angle_piece, placed, rectangle, seen_plane};
 use nalgebra::{Rotation2, Vector2, Vector3};
-use regionpose::geometry::clipping::intersection;
+use regionpose::internals::geometry::clipping::intersection;
 use regionpose::{Error, Estimate, Integration, ObservedRegion, Pose, Problem, System, Warning, WorldRegion};
 
 /// Rotation error (rad) of a pose from exact contours, whose pieces round the corners.

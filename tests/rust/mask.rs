@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 use proptest::prelude::*;
 use regionpose::Error;
-use regionpose::view::mask::{Mask, MaskContours, MaskValue};
+use regionpose::internals::view::mask::{Mask, MaskContours, MaskValue};
 
 fn contours<T: MaskValue>(values: &[T], columns: usize) -> Result<MaskContours, Error> {
     MaskContours::of(Mask::new(values, columns).expect("whole rows"))

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::Vector2;
 use proptest::prelude::*;
 use regionpose::Error;
-use regionpose::geometry::rings::PlaneRings;
+use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::mesh::PlaneMesh;
 use regionpose::mesh::alpha_shape::alpha_shape;
 use regionpose::mesh::even_mesh::even_mesh;

@@ -2,8 +2,8 @@
 
 use crate::support::random::Random;
 use proptest::prelude::*;
-use regionpose::contour::mixture::{Distances, Mixture};
-use regionpose::contour::readings::Reading;
+use regionpose::internals::contour::mixture::{Distances, Mixture};
+use regionpose::internals::contour::readings::Reading;
 
 /// Least scale of the mixtures, pixels.
 const FINEST: f64 = 0.25;

@@ -4,7 +4,7 @@ use std::f64::consts::{PI, SQRT_2};
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3};
 use proptest::prelude::*;
-use regionpose::verdict::nearness::nearness;
+use regionpose::internals::verdict::nearness::nearness;
 
 /// A covariance with these deviations of the rotation, degrees, about turned axes, and some translation.
 fn covariance(sigmas: [f64; 3], axes: &Rotation3<f64>) -> Matrix6<f64> {

@@ -5,8 +5,8 @@ use crate::support::contours::{all_bitten, one_turned};
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Scene};
 use nalgebra::{Rotation3, Vector3, Vector6};
-use regionpose::contour::fit::ContourFit;
-use regionpose::contour::members::{least_evidence, log_odds};
+use regionpose::internals::contour::fit::ContourFit;
+use regionpose::internals::contour::members::{least_evidence, log_odds};
 use regionpose::{Estimate, ObservedRegion, Problem, Warning, WorldRegion};
 
 fn scene(seed: u64, regions: usize) -> Scene {

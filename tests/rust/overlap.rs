@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
-use regionpose::geometry::overlap::overlap_areas;
-use regionpose::geometry::rings::PlaneRings;
+use regionpose::internals::geometry::overlap::overlap_areas;
+use regionpose::internals::geometry::rings::PlaneRings;
 
 type Ring = Vec<Vector2<f64>>;
 

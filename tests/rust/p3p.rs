@@ -4,7 +4,7 @@ use crate::support::random::Random;
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
 use regionpose::Pose;
-use regionpose::search::p3p::three_point_poses;
+use regionpose::internals::search::p3p::three_point_poses;
 
 /// Error of the true pose among the solutions, rad and share of the distance.
 const EXACT: f64 = 1e-9;

@@ -1,8 +1,8 @@
 //! The pieces that a contour is cut into: equally long, exact sums, straight runs, nothing along the image's border.
 
 use nalgebra::Vector2;
-use regionpose::contour::pieces::{Piece, pieces};
-use regionpose::geometry::rings::PlaneRings;
+use regionpose::internals::contour::pieces::{Piece, pieces};
+use regionpose::internals::geometry::rings::PlaneRings;
 
 fn cut(ring: &[(f64, f64)], pixels: f64, on_border: &[Vec<bool>]) -> Vec<Piece> {
     let ring = ring.iter().map(|&(x, y)| Vector2::new(x, y)).collect();

@@ -6,7 +6,7 @@ use crate::support::jacobian::assert_jacobian;
 use crate::support::random::Random;
 use nalgebra::{DVector, Dyn, Matrix3, Matrix6, OMatrix, Rotation3, U6, Vector3};
 use proptest::prelude::*;
-use regionpose::geometry::pose::{Tangent, cross_matrix, increment_derivative};
+use regionpose::internals::geometry::pose::{Tangent, cross_matrix, increment_derivative};
 use regionpose::{Error, Pose};
 
 /// Error allowed of a few products of rotations and vectors of size 10.
@@ -196,4 +196,14 @@ fn what_is_no_rotation_is_refused() {
         message(Matrix3::identity(), far),
         "pose entry 10 is not finite: inf; coordinates need to be finite numbers"
     );
+}
+
+#[test]
+fn an_isometry_is_the_same_motion() {
+    let pose = Pose::new(Rotation3::new(Vector3::new(0.3, -0.5, 1.1)), Vector3::new(0.4, -2.0, 5.0));
+    let isometry = nalgebra::Isometry3::from(pose);
+    let point = nalgebra::Point3::new(1.0, 2.0, -3.0);
+    assert!(((isometry * point).coords - pose.transform(&point.coords)).norm() < 1e-12);
+    let back = Pose::from(isometry);
+    assert!(back.angle_to(&pose) < 1e-12 && (back.translation - pose.translation).norm() < 1e-12);
 }

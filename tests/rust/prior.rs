@@ -5,9 +5,9 @@ use crate::support::jacobian::{assert_jacobian, differences};
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Ring, Scene, angle_piece, placed, rectangle, regular, seen_plane};
 use nalgebra::{DMatrix, DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector3};
-use regionpose::equations::least_squares::{Minimum, Termination};
-use regionpose::geometry::pose::{Tangent, increment_derivative};
-use regionpose::verdict::warning::Cause;
+use regionpose::internals::equations::least_squares::{Minimum, Termination};
+use regionpose::internals::geometry::pose::{Tangent, increment_derivative};
+use regionpose::internals::verdict::warning::Cause;
 use regionpose::{Error, Estimate, Integration, Limits, Options, Pose, PoseSigma, Prior, System, Warning, WorldRegion};
 
 /// Error allowed of the poses of a symmetric shape: rad, and a share of the distance.
@@ -20,7 +20,7 @@ fn estimated(scene: &Scene, prior: &Prior) -> Estimate {
     // Poses of a single plane are trusted farther here.
     let limits = Limits { rotation: 1.5_f64.to_radians(), ..Limits::default() };
     let options = Options { prior: *prior, limits, ..Options::default() };
-    scene.problem(System::Plane, Integration::Boundary).estimate_with(&options).unwrap().unwrap()
+    scene.problem(System::Plane, Integration::Boundary).estimate_with(&options).unwrap()
 }
 
 fn codes(estimate: &Estimate) -> Vec<&'static str> {
@@ -366,7 +366,7 @@ fn a_least_squares_that_did_not_converge_is_warned_of() {
         evaluations: 140,
     };
     let judged =
-        |converged: bool| problem.search(&Options::default()).unwrap().judged(vec![ended(converged)]).unwrap().warnings;
+        |converged: bool| problem.search(&Options::default()).unwrap().assess(vec![ended(converged)]).unwrap().warnings;
     assert!(judged(true).is_empty());
     assert_eq!(judged(false)[0].to_string(), "the search did not converge: the limit of evaluations was reached");
     assert_eq!(judged(false)[0].code(), "not-converged");

@@ -4,8 +4,8 @@ use crate::support::random::Random;
 use crate::support::scene::{Ring, SpaceRing, pierced_star, placed, rectangle, star};
 use nalgebra::Vector3;
 use proptest::prelude::*;
-use regionpose::geometry::rings::PlaneRings;
-use regionpose::region::PlaneFrame;
+use regionpose::internals::geometry::rings::PlaneRings;
+use regionpose::internals::region::PlaneFrame;
 use regionpose::{Error, ObservedRegion, Pose, WorldRegion};
 
 /// Error allowed of coordinates of size 10 that were brought into a plane and back.

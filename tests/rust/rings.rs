@@ -3,9 +3,9 @@
 use nalgebra::Vector2;
 use proptest::prelude::*;
 use regionpose::Error;
-use regionpose::error::Contact;
-use regionpose::geometry::overlap::overlap_areas;
-use regionpose::geometry::rings::PlaneRings;
+use regionpose::internals::error::Contact;
+use regionpose::internals::geometry::overlap::overlap_areas;
+use regionpose::internals::geometry::rings::PlaneRings;
 
 type Ring = Vec<Vector2<f64>>;
 

@@ -6,18 +6,18 @@ use crate::support::samples::{layout, sampled};
 use crate::support::scene::{FOCAL, Scene, rectangle, regular, star};
 use nalgebra::{Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
-use regionpose::geometry::pose::Tangent;
-use regionpose::geometry::rings::PlaneRings;
-use regionpose::math::gaussian::Gaussian;
-use regionpose::region::PlaneFrame;
-use regionpose::samples::posterior::{Led, Passed, Posterior, led, posteriors};
-use regionpose::samples::settings::{Setting, shares};
+use regionpose::internals::geometry::pose::Tangent;
+use regionpose::internals::geometry::rings::PlaneRings;
+use regionpose::internals::math::gaussian::Gaussian;
+use regionpose::internals::region::PlaneFrame;
+use regionpose::internals::samples::posterior::{Led, Passed, Posterior, led, posteriors};
+use regionpose::internals::samples::settings::{Setting, shares};
 use regionpose::{Estimate, FrameSigma, Limits, Options, Pose, PoseSigma, Prior, Problem, Warning, WorldRegion};
 
 fn estimated(scene: &Scene, worlds: &[WorldRegion], prior: Prior) -> Estimate {
     let problem = Problem::new(&scene.observed, worlds).unwrap();
     let (frame_sigma, limits) = (FrameSigma::ZERO, Limits { rotation: 1.0_f64.to_radians(), ..Limits::default() });
-    problem.estimate_with(&Options { prior, frame_sigma, limits, ..Options::default() }).unwrap().unwrap()
+    problem.estimate_with(&Options { prior, frame_sigma, limits, ..Options::default() }).unwrap()
 }
 
 /// A posterior about the true pose, and the problem that it is of.

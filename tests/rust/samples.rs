@@ -4,14 +4,14 @@ use crate::support::random::Random;
 use crate::support::samples::{CLEAN, prior, site};
 use nalgebra::{Matrix2, Matrix6, Vector2, Vector6};
 use proptest::prelude::*;
-use regionpose::math::gaussian::Gaussian;
-use regionpose::math::gaussian::Normal;
-use regionpose::math::normal::{cumulative, density};
-use regionpose::math::single_precision;
-use regionpose::samples::ends::{Beside, Heard, heard};
-use regionpose::samples::propagation::{Site, propagated_apart};
-use regionpose::samples::readings::Edge;
-use regionpose::samples::trust::Trust;
+use regionpose::internals::math::gaussian::Gaussian;
+use regionpose::internals::math::gaussian::Normal;
+use regionpose::internals::math::normal::{cumulative, density};
+use regionpose::internals::math::single_precision;
+use regionpose::internals::samples::ends::{Beside, Heard, heard};
+use regionpose::internals::samples::propagation::{Site, propagated_apart};
+use regionpose::internals::samples::readings::Edge;
+use regionpose::internals::samples::trust::Trust;
 
 /// The belief and the evidence of samples by themselves with such a prior.
 fn left_possible(deviation: f64, sites: &mut [Site]) -> (Normal, f64) {

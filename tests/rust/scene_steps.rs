@@ -3,8 +3,8 @@
 use crate::support::random::Random;
 use nalgebra::{Vector2, Vector3};
 use proptest::prelude::*;
-use regionpose::alignment::blur::blurred;
-use regionpose::alignment::edges::{Seen, Step};
+use regionpose::internals::alignment::blur::blurred;
+use regionpose::internals::alignment::edges::{Seen, Step};
 
 /// Between neighbors of the grid, about, rad.
 const SPACING: f64 = 0.02;

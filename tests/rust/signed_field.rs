@@ -7,10 +7,10 @@ use crate::support::scene::{Scene, rectangle, regular, star};
 use nalgebra::{DVector, Dyn, OMatrix, U6, Vector2};
 use proptest::prelude::*;
 use regionpose::Problem;
-use regionpose::geometry::pose::Tangent;
-use regionpose::geometry::rings::PlaneRings;
-use regionpose::samples::readings::Reading;
-use regionpose::samples::signed_field::SignedField;
+use regionpose::internals::geometry::pose::Tangent;
+use regionpose::internals::geometry::rings::PlaneRings;
+use regionpose::internals::samples::readings::Reading;
+use regionpose::internals::samples::signed_field::SignedField;
 
 /// Error allowed of exact derivatives: that of the differences.
 const DIFFERENCES: f64 = 1e-6;

@@ -7,14 +7,15 @@ use crate::support::random::Random;
 use crate::support::samples::{layout, sampled};
 use crate::support::scene::{Scene, rectangle};
 use nalgebra::{Vector2, Vector3};
-use regionpose::geometry::pose::Tangent;
-use regionpose::{Estimate, ObservedRegion, Options, Pose, PoseSigma, Prior, Problem, WorldRegion, effort};
+use regionpose::internals::effort;
+use regionpose::internals::geometry::pose::Tangent;
+use regionpose::{Estimate, ObservedRegion, Options, Pose, PoseSigma, Prior, Problem, WorldRegion};
 
 /// How far from all edges a sample is deep inside, units of the regions' size.
 const DEEP: f64 = 0.15;
 
 fn estimated(observed: &[ObservedRegion], worlds: &[WorldRegion], prior: Prior) -> Estimate {
-    Problem::new(observed, worlds).unwrap().estimate_with(&Options { prior, ..Options::default() }).unwrap().unwrap()
+    Problem::new(observed, worlds).unwrap().estimate_with(&Options { prior, ..Options::default() }).unwrap()
 }
 
 /// So many random places of a region's plane around which there are no edges.
@@ -176,9 +177,9 @@ fn the_outlines_answer_is_said_to_be_that() {
     let problem = Problem::new(&scene.observed, &worlds).unwrap();
     let search = problem.search(&Options::default()).unwrap();
     let minima: Vec<_> = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
-    let heard = search.clone().judged(minima.clone()).unwrap();
+    let heard = search.clone().assess(minima.clone()).unwrap();
     assert!(heard.best.posterior.is_some() && heard.warnings.iter().all(|warning| warning.code() != "samples-unused"));
-    let (unheard, _) = effort::bounded(0, || search.judged(minima).unwrap());
+    let (unheard, _) = effort::bounded(0, || search.assess(minima).unwrap());
     let codes: Vec<_> = unheard.warnings.iter().map(|warning| warning.code()).collect();
     assert!(unheard.best.posterior.is_none() && codes.contains(&"samples-unused"), "{codes:?}");
     assert!(codes.contains(&"poor-overlap") || codes.contains(&"outlier-region"), "{codes:?}");

@@ -3,16 +3,16 @@
 use crate::support::random::Random;
 use crate::support::samples::{CLEAN, prior, site};
 use nalgebra::{Matrix2, Matrix6, Vector2, Vector6};
-use regionpose::math::gaussian::Gaussian;
-use regionpose::math::gaussian::Normal;
-use regionpose::math::normal::density;
-use regionpose::samples::kinds::Kind;
-use regionpose::samples::outline::Outline;
-use regionpose::samples::propagation::{Site, propagated};
-use regionpose::samples::readings::Edge;
-use regionpose::samples::ring::Ring;
-use regionpose::samples::stretch::Stretch;
-use regionpose::samples::trust::Trust;
+use regionpose::internals::math::gaussian::Gaussian;
+use regionpose::internals::math::gaussian::Normal;
+use regionpose::internals::math::normal::density;
+use regionpose::internals::samples::kinds::Kind;
+use regionpose::internals::samples::outline::Outline;
+use regionpose::internals::samples::propagation::{Site, propagated};
+use regionpose::internals::samples::readings::Edge;
+use regionpose::internals::samples::ring::Ring;
+use regionpose::internals::samples::stretch::Stretch;
+use regionpose::internals::samples::trust::Trust;
 
 /// Spacing of the offsets that are integrated over, and their number to either side.
 const SPACING: f64 = 0.2;

@@ -3,7 +3,7 @@
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Ring, Scene, SpaceRing, angle_piece, regular};
 use nalgebra::{Rotation3, Unit, Vector3};
-use regionpose::search::symmetry::turned_poses;
+use regionpose::internals::search::symmetry::turned_poses;
 use regionpose::{Estimate, Integration, Pose, System, WorldRegion};
 
 /// A turn is found to a quarter of a degree and refined later.

@@ -5,8 +5,8 @@ use numpy::ndarray::Dimension;
 use numpy::{PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use regionpose::error::Error;
-use regionpose::geometry::pose::{Pose, Tangent};
+use regionpose::Error;
+use regionpose::internals::geometry::pose::{Pose, Tangent};
 
 /// A core error as Python's `ValueError`.
 pub fn value_error(error: Error) -> PyErr {

@@ -4,9 +4,9 @@ use nalgebra::Vector2;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use regionpose::contour::pieces::{Piece, pieces_by_ring};
-use regionpose::error::Error;
-use regionpose::geometry::edge_field::EdgeField;
+use regionpose::Error;
+use regionpose::internals::contour::pieces::{Piece, pieces_by_ring};
+use regionpose::internals::geometry::edge_field::EdgeField;
 
 use crate::arrays::{array, finite_points, value_error};
 

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
-use regionpose::effort::{self, Stop};
+use regionpose::internals::effort::{self, Stop};
 
 /// How often signals are looked for while other threads work: a hundred times in the second that users wait.
 const LOOK: Duration = Duration::from_millis(10);

@@ -45,7 +45,7 @@ mod _core {
     use crate::solve::{Estimate, Minimum, Problem, Search, Solution, estimate_batch, work_done};
 
     #[pymodule_export]
-    const TRUSTED: f64 = regionpose::verdict::solution::TRUSTED;
+    const TRUSTED: f64 = regionpose::internals::verdict::solution::TRUSTED;
 
     #[pymodule_export]
     #[allow(non_upper_case_globals, reason = "Python's name for it")]

@@ -3,7 +3,7 @@
 use numpy::{Element, PyArray2, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use regionpose::view::mask::{Mask, MaskContours, MaskValue};
+use regionpose::internals::view::mask::{Mask, MaskContours, MaskValue};
 
 use crate::arrays::value_error;
 use crate::mesh::ring_arrays;

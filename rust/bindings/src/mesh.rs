@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
-use regionpose::geometry::rings::PlaneRings;
+use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::mesh::PlaneMesh;
 use regionpose::mesh::alpha_shape as outline;
 use regionpose::mesh::even_mesh as even;

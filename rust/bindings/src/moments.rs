@@ -3,9 +3,9 @@
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use regionpose::geometry::rings::PlaneRings;
+use regionpose::internals::geometry::rings::PlaneRings;
+use regionpose::internals::view::bearing_rings::BearingRings;
 use regionpose::moments::{self, MAX_ORDER, PlaneMoments, SphereMoments};
-use regionpose::view::bearing_rings::BearingRings;
 
 use crate::arrays::{finite_points, numbers, scalar, value_error};
 

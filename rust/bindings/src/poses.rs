@@ -2,7 +2,7 @@
 
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use regionpose::verdict;
+use regionpose::internals::verdict;
 
 use crate::arrays::{covariance, pose, rotation, tangent, translation};
 

@@ -3,8 +3,8 @@
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use regionpose::error::Error;
-use regionpose::prior::{self, PoseSigma};
+use regionpose::Error;
+use regionpose::internals::prior::{self, PoseSigma};
 
 use crate::arrays::{covariance, matrix, pose, scalar, value_error, vector};
 

@@ -4,9 +4,9 @@ use nalgebra::Vector2;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use regionpose::geometry::rings::PlaneRings;
-use regionpose::region::samples::Samples;
-use regionpose::region::{self, Pixels, PlaneFrame};
+use regionpose::internals::geometry::rings::PlaneRings;
+use regionpose::internals::region::samples::Samples;
+use regionpose::internals::region::{self, Pixels, PlaneFrame};
 
 use crate::arrays::{array, numbers, points, rings, triangles, value_error};
 use crate::mesh::{MeshArrays, mesh_arrays, ring_arrays};

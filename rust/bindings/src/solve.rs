@@ -6,17 +6,17 @@ use nalgebra::UnitQuaternion;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyValueError};
 use pyo3::prelude::*;
-use regionpose::batch::in_parallel;
-use regionpose::effort;
-use regionpose::equations::facet::Integration;
-use regionpose::equations::least_squares;
-use regionpose::equations::residual::Evaluation;
-use regionpose::equations::system::{System, Weighting};
-use regionpose::error::Error;
-use regionpose::options::{FrameSigma, Limits, Options, Refinement, Start};
-use regionpose::problem;
-use regionpose::search;
-use regionpose::verdict::{coverage, estimate, solution, weakness};
+use regionpose::Error;
+use regionpose::internals::batch::in_parallel;
+use regionpose::internals::effort;
+use regionpose::internals::equations::facet::Integration;
+use regionpose::internals::equations::least_squares;
+use regionpose::internals::equations::residual::Evaluation;
+use regionpose::internals::equations::system::{System, Weighting};
+use regionpose::internals::options::{FrameSigma, Limits, Options, Refinement, Start};
+use regionpose::internals::problem;
+use regionpose::internals::search;
+use regionpose::internals::verdict::{coverage, estimate, solution, weakness};
 
 use crate::arrays::{
     covariance, kept, matrix, optional, pose, read_only, rotation, scalar, tangent, translation, value_error,
@@ -390,7 +390,15 @@ impl Problem {
         limits: Option<[f64; 2]>,
     ) -> PyResult<Option<Estimate>> {
         let options = parsed_options(start, prior, refine, frame_sigma, limits)?;
-        Ok(detached(py, || self.0.estimate_with(&options))?.map_err(value_error)?.map(Estimate::new))
+        Ok(in_view(detached(py, || self.0.estimate_with(&options))?).map_err(value_error)?.map(Estimate::new))
+    }
+}
+
+/// An estimate, or none where no pose shows every region.
+fn in_view(found: regionpose::Result<regionpose::Estimate>) -> regionpose::Result<Option<regionpose::Estimate>> {
+    match found {
+        Err(Error::NoPose) => Ok(None),
+        found => found.map(Some),
     }
 }
 
@@ -473,14 +481,14 @@ impl Search {
     /// The verdict, with the minima that a driver found from the candidates; None without a pose in view.
     fn judged(&self, py: Python<'_>, minima: Vec<PyRef<'_, Minimum>>) -> PyResult<Option<Estimate>> {
         let minima = minima.iter().map(|minimum| minimum.0.clone()).collect();
-        Ok(detached(py, || self.0.clone().judged(minima))?.map(Estimate::new))
+        Ok(in_view(detached(py, || self.0.clone().assess(minima))?).map_err(value_error)?.map(Estimate::new))
     }
 }
 
 /// The two sides of a problem, free of the interpreter.
 struct Sides {
-    observed: Vec<regionpose::region::ObservedRegion>,
-    worlds: Vec<regionpose::region::WorldRegion>,
+    observed: Vec<regionpose::internals::region::ObservedRegion>,
+    worlds: Vec<regionpose::internals::region::WorldRegion>,
 }
 
 impl Sides {
@@ -491,7 +499,7 @@ impl Sides {
         }
     }
 
-    fn problem(&self, system: System, integration: Integration) -> regionpose::error::Result<problem::Problem> {
+    fn problem(&self, system: System, integration: Integration) -> regionpose::Result<problem::Problem> {
         problem::Problem::with(&self.observed, &self.worlds, system, integration)
     }
 }
@@ -548,8 +556,8 @@ pub fn estimate_batch<'py>(
         };
         in_parallel(&tasks, threads, waited_for)
     });
-    let answer = |result| match result {
-        Ok(found) => Ok(Option::map(found, Estimate::new).into_pyobject(py)?.into_any()),
+    let answer = |result| match in_view(result) {
+        Ok(found) => Ok(found.map(Estimate::new).into_pyobject(py)?.into_any()),
         Err(Error::Stopped) => Err(PyKeyboardInterrupt::new_err(())),
         Err(error) => Ok(error.to_string().into_pyobject(py)?.into_any()),
     };

@@ -2,7 +2,7 @@
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use regionpose::verdict::warning::Warning;
+use regionpose::internals::verdict::warning::Warning;
 
 pub type Told<'py> = (&'static str, String, Vec<usize>, Bound<'py, PyDict>);
 

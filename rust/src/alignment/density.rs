@@ -47,8 +47,11 @@ pub enum PoseDensity {
 /// Logarithm of a density at a pose, its derivative by a left increment and the information that it adds there.
 #[derive(Debug, Clone, Copy)]
 pub struct DensityAt {
+    /// The logarithm.
     pub value: f64,
+    /// Its derivative by the left increment.
     pub slope: Vector6<f64>,
+    /// The information that it adds.
     pub information: Matrix6<f64>,
 }
 

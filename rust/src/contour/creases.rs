@@ -156,6 +156,7 @@ impl Crease {
     /// How far the ends of the edge lie from the projected line at a pose about the problem's origin, pixels, and the
     /// derivatives by the left increment (`docs/math.md`, eq. 16.1 and 16.2); `None` where the line passes through the
     /// camera.
+    #[doc(hidden)]
     pub fn rows(&self, pose: &Pose) -> Option<[(f64, Vector6<f64>); 2]> {
         let (place, direction) = (pose.transform(&self.point), pose.rotation * self.direction);
         let moment = place.cross(&direction);
@@ -171,6 +172,7 @@ impl Crease {
 
     /// The crease at a pose as a Gaussian factor of its left increment, with the value and the slope of a mixture of an edge that
     /// is the planes' and one that is not; one that says nothing where the line passes through the camera.
+    #[doc(hidden)]
     pub fn gaussian(&self, pose: &Pose) -> Gaussian {
         let mut factor = Gaussian::default();
         let Some(rows) = self.rows(pose) else { return factor };
@@ -188,6 +190,7 @@ impl Crease {
     }
 
     /// The part of the line, world coordinates about the problem's origin, that is seen from a pose between the ends of the edge.
+    #[doc(hidden)]
     pub fn segment(&self, pose: &Pose) -> [Vector3<f64>; 2] {
         let (place, direction) = (pose.transform(&self.point), pose.rotation * self.direction);
         self.ends.map(|ray| {

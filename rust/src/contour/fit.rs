@@ -83,6 +83,7 @@ pub struct ContourFit {
 impl ContourFit {
     /// The fit at a pose about the problem's origin, from every `step`-th piece of the boundaries; `None` where a region is out
     /// of view.
+    #[doc(hidden)]
     pub fn at(contours: &[Contour], pose: &Pose, step: usize) -> Option<Self> {
         Some(Self::of(*pose, Readings::at(contours, pose, step)?, step))
     }
@@ -97,11 +98,13 @@ impl ContourFit {
     }
 
     /// The readings of each region, and its number.
+    #[doc(hidden)]
     pub fn regions(&self) -> impl Iterator<Item = (usize, &[Reading])> {
         split(&self.readings, &self.counts).enumerate()
     }
 
     /// One piece in so many was read.
+    #[doc(hidden)]
     pub fn step(&self) -> usize {
         self.step
     }
@@ -114,6 +117,7 @@ impl ContourFit {
     }
 
     /// The distance beyond which a piece is astray, pixels.
+    #[doc(hidden)]
     pub fn astray(&self) -> f64 {
         ASTRAY * self.mixture.sigma
     }
@@ -135,6 +139,7 @@ impl ContourFit {
     }
 
     /// Whether the pieces scatter by less than a pixel, and hardly one lies far off.
+    #[doc(hidden)]
     pub fn is_clean(&self) -> bool {
         let limit = self.astray();
         let astray = self.readings.iter().filter(|reading| reading.misfit > limit).count();
@@ -159,6 +164,7 @@ impl ContourFit {
 
     /// The contours' likelihood as a factor of the pose's left increment, to second order, of as many pieces as vary
     /// independently; `None` where a region is out of view.
+    #[doc(hidden)]
     pub fn gaussian(&self, contours: &[Contour]) -> Option<Gaussian> {
         let regions = self.region_gaussians(contours)?.into_iter();
         let sum = regions.fold(Gaussian::default(), |sum, region| sum + region);
@@ -166,6 +172,7 @@ impl ContourFit {
     }
 
     /// The same of each region's contour, but for a multiple.
+    #[doc(hidden)]
     pub fn region_gaussians(&self, contours: &[Contour]) -> Option<Vec<Gaussian>> {
         let share = self.independent() / self.readings.len().max(1) as f64;
         let factor = share / (self.mixture.sigma * self.mixture.sigma);
@@ -189,6 +196,7 @@ impl ContourFit {
     /// By how much the log likelihood exceeds that of another pose for the same pieces, over those that vary independently.
     ///
     /// Of what counts as clean, too, stretches are put off as one where they scatter by more than their own noise.
+    #[doc(hidden)]
     pub fn gain_over(&self, other: &Self) -> f64 {
         let pulls = self.readings.iter().zip(self.clean()).map(|(reading, clean)| clean * reading.distance);
         let alike = correlation(&pulls.collect::<Vec<_>>(), &self.counts).max(1.0);
@@ -200,6 +208,7 @@ impl ContourFit {
     /// likelihoods, of no more pieces than there are `numbers` that tell of the noise, or what is left of that where chance may have
     /// decided. Where regions belong to one of both poses alone, more regions decide, not longer contours, and of as many on either
     /// side those that lie farther off at the other pose.
+    #[doc(hidden)]
     pub fn against(&self, other: &Self, numbers: f64) -> f64 {
         let votes = self.votes(other);
         decided(&votes, [&self.distances(), &other.distances()], |counted| {
@@ -223,6 +232,7 @@ impl ContourFit {
 
     /// Which of this pose and another each region belongs to: alone to one where half more of its contour lies on the projection
     /// than at the other. Both are held to the closer one's scatter, as of one photo.
+    #[doc(hidden)]
     pub fn votes(&self, other: &Self) -> Vec<Vote> {
         let limit = self.astray().min(other.astray());
         let on_contour = |readings: &[Reading]| {

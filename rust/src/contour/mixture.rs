@@ -45,16 +45,19 @@ pub struct Mixture {
 
 impl Mixture {
     /// A mixture that is not fitted: half of the pieces of so many regions clean, the rest disturbed.
+    #[doc(hidden)]
     pub fn even(sigma: f64, wide: f64, regions: usize) -> Self {
         Self { sigma, wide: wide.max(SCALE_STEP * sigma), disturbed: vec![0.5; regions], likelihood: f64::NAN }
     }
 
     /// Probability that a piece of a region is clean.
+    #[doc(hidden)]
     pub fn clean_probability(&self, region: usize, reading: &Reading) -> f64 {
         self.odds(region).clean_probability(reading)
     }
 
     /// Logarithm of the density at a piece of a region, in 1 / pixels.
+    #[doc(hidden)]
     pub fn log_density(&self, region: usize, reading: &Reading) -> f64 {
         let square = reading.misfit * reading.misfit;
         let disturbed = self.disturbed[region];
@@ -62,6 +65,7 @@ impl Mixture {
     }
 
     /// What tells a region's clean pieces from its disturbed ones.
+    #[doc(hidden)]
     pub fn odds(&self, region: usize) -> Odds {
         let (disturbed, ratio) = (self.disturbed[region], self.sigma / self.wide);
         Odds {

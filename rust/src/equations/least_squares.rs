@@ -61,6 +61,7 @@ impl Termination {
 
 /// Where the least squares ended.
 #[derive(Debug, Clone, PartialEq)]
+#[must_use]
 pub struct Minimum {
     /// The pose, `camera_from_world`.
     pub pose: Pose,

@@ -33,6 +33,7 @@ const EDGES_OF_VERTEX: usize = 500;
 
 /// Residuals (predicted - observed) and their derivatives by the left increment `[omega (rad), tau (meters)]`.
 #[derive(Debug, Clone)]
+#[must_use]
 pub struct Evaluation {
     /// (m,) residuals.
     pub residual: DVector<f64>,

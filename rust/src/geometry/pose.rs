@@ -1,6 +1,6 @@
 //! Rigid poses and their increments.
 
-use nalgebra::{Matrix3, Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Isometry3, Matrix3, Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6};
 
 use crate::error::{Error, Result};
 
@@ -33,6 +33,7 @@ pub(crate) fn check_rotation(item: &'static str, matrix: &Matrix3<f64>) -> Resul
 
 /// A rigid motion `x_camera = rotation * x_world + translation`, named `camera_from_world` where it is the camera's pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[must_use]
 pub struct Pose {
     /// Rotation from world to camera axes.
     pub rotation: Rotation3<f64>,
@@ -104,6 +105,18 @@ impl Pose {
     pub fn angle_to(&self, other: &Self) -> f64 {
         let chord = (self.rotation.matrix() - other.rotation.matrix()).norm() / (2.0 * 2.0_f64.sqrt());
         2.0 * chord.min(1.0).asin()
+    }
+}
+
+impl From<Pose> for Isometry3<f64> {
+    fn from(pose: Pose) -> Self {
+        Self::from_parts(pose.translation.into(), UnitQuaternion::from_rotation_matrix(&pose.rotation))
+    }
+}
+
+impl From<Isometry3<f64>> for Pose {
+    fn from(isometry: Isometry3<f64>) -> Self {
+        Self::new(isometry.rotation.to_rotation_matrix(), isometry.translation.vector)
     }
 }
 

@@ -19,8 +19,8 @@ use ring::{CleanRing, without_negligible};
 
 pub use ring::SMALLEST_AREA_FRACTION;
 #[cfg(feature = "mesh")]
-pub(crate) use ring::is_flat;
-pub(crate) use ring::{NEGLIGIBLE_FRACTION, bounding_box, ring_edges, signed_area};
+pub(crate) use ring::{NEGLIGIBLE_FRACTION, is_flat};
+pub(crate) use ring::{bounding_box, ring_edges, signed_area};
 
 /// Largest coordinate accepted (2^200), in the rings' unit: products of four coordinates stay finite.
 pub const LARGEST_COORDINATE: f64 = 1.606_938_044_258_990_3e60;
@@ -32,6 +32,7 @@ pub const SMALLEST_SIZE: f64 = 6.223_015_277_861_142e-61;
 ///
 /// A ring is a list of vertices whose last one joins the first; different rings may touch each other at single points.
 #[derive(Debug, Clone, PartialEq)]
+#[must_use]
 pub struct PlaneRings {
     rings: Vec<Vec<Vector2<f64>>>,
 }

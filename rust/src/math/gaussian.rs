@@ -35,6 +35,7 @@ impl<const D: usize> Gaussian<D> {
 
     /// The normal distribution that the factor is a multiple of, and the logarithm of its integral; `None` where a direction
     /// is left free.
+    #[doc(hidden)]
     pub fn normalize(&self) -> Option<(Normal<D>, f64)> {
         let root = self.information.cholesky()?;
         let (covariance, mean) = (root.inverse(), root.solve(&self.information_vector));
@@ -45,6 +46,7 @@ impl<const D: usize> Gaussian<D> {
     }
 
     /// The factor integrated over all components but the first `K`.
+    #[doc(hidden)]
     pub fn marginal<const K: usize>(&self) -> Gaussian<K> {
         let mut left = *self;
         for last in (K..D).rev() {
@@ -62,6 +64,7 @@ impl<const D: usize> Gaussian<D> {
     }
 
     /// The same factor of a longer vector, constant in the components that are added at its end.
+    #[doc(hidden)]
     pub fn embed<const E: usize>(&self) -> Gaussian<E> {
         let mut embedded = Gaussian::<E> { offset: self.offset, ..Gaussian::default() };
         embedded.information.fixed_view_mut::<D, D>(0, 0).copy_from(&self.information);
@@ -70,6 +73,7 @@ impl<const D: usize> Gaussian<D> {
     }
 
     /// The factor of the vector with `count` components from `first` and from `second` on swapped.
+    #[doc(hidden)]
     pub fn swap_components(mut self, first: usize, second: usize, count: usize) -> Self {
         for (first, second) in (first..first + count).zip(second..) {
             self.information.swap_rows(first, second);

@@ -52,11 +52,13 @@ impl Posterior {
     }
 
     /// Twice the logarithm of the odds against another one (`docs/math.md`, eq. 17.11).
+    #[doc(hidden)]
     pub fn against(&self, other: &Self, regions: &[SampledRegion]) -> f64 {
         self.compared.against(&other.compared, regions)
     }
 
     /// The same where what is known speaks for it by so much more, as a logarithm.
+    #[doc(hidden)]
     pub fn with_known(self, log_known: f64) -> Self {
         let Self { mut compared, .. } = self;
         compared.log_evidence += log_known;
@@ -73,6 +75,7 @@ impl Posterior {
 
     /// The same answer where its modes, of which the first is the likeliest, leave it possible, by the odds against each
     /// (`docs/math.md`, eq. 17.11). It is compared with others by its own evidence.
+    #[doc(hidden)]
     pub fn over_modes(self, modes: &[Self], regions: &[SampledRegion]) -> Self {
         let Some((best, rest)) = modes.split_first() else { return self };
         // Odds beyond a number's range are as good as a very large one.

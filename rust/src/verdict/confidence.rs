@@ -60,6 +60,7 @@ pub enum Shown {
 impl Evidence {
     /// The evidence of contours at a pose, of the pose's covariance and of each region's overlap error; `whole` where the pose is
     /// that of the moments.
+    #[doc(hidden)]
     pub fn from_outlines(
         fit: &ContourFit,
         covariance: &Matrix6<f64>,
@@ -81,6 +82,7 @@ impl Evidence {
 
     /// The evidence of samples, and of the contours of regions that have none, as `fit` at the pose; `unseen` of each region with
     /// samples.
+    #[doc(hidden)]
     pub fn from_samples(
         posterior: &Posterior,
         sampled: &[SampledRegion],
@@ -98,6 +100,7 @@ impl Evidence {
     }
 
     /// What the logarithm of the odds that the pose is no other place is a weighted sum of (`docs/math.md`, eq. 15.3).
+    #[doc(hidden)]
     pub fn features(&self) -> Vec<f64> {
         let weakest = self.rotation_sigmas.map(bounded).into_iter().fold(0.0, f64::max);
         let common = [1.0, weakest.ln(), indicator(self.regions > 1)];

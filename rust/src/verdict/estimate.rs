@@ -14,7 +14,7 @@ use crate::contour::fit::ContourFit;
 use crate::effort;
 use crate::equations::information::honest;
 use crate::equations::least_squares::{Minimum, Termination};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geometry::pose::Pose;
 use crate::options::Options;
 use crate::problem::Problem;
@@ -25,6 +25,7 @@ use crate::search::poses::distinct;
 
 /// The pose of a camera, and what is known of it.
 #[derive(Debug, Clone)]
+#[must_use]
 pub struct Estimate {
     /// The best pose.
     pub best: Solution,
@@ -57,39 +58,41 @@ struct Hypotheses<'a> {
 impl Problem {
     /// The pose from nothing but the regions, by the native solver.
     ///
-    /// `None` where no pose shows every region in its chart.
-    pub fn estimate(&self) -> Option<Estimate> {
+    /// # Errors
+    /// [`Error::NoPose`] where no pose shows every region in its chart.
+    pub fn estimate(&self) -> Result<Estimate> {
         self.estimated(&Options::default())
     }
 
     /// The pose by the native solver, with options.
     ///
-    /// `None` where no pose shows every region in its chart.
-    ///
     /// # Errors
-    /// A prior that [`Prior::check`] refuses.
-    pub fn estimate_with(&self, options: &Options) -> Result<Option<Estimate>> {
+    /// [`Error::NoPose`] where no pose shows every region in its chart, and a prior that [`Prior::check`](crate::Prior::check) refuses.
+    pub fn estimate_with(&self, options: &Options) -> Result<Estimate> {
         options.prior.check()?;
-        Ok(self.estimated(options))
+        self.estimated(options)
     }
 
-    fn estimated(&self, options: &Options) -> Option<Estimate> {
+    fn estimated(&self, options: &Options) -> Result<Estimate> {
         let search = self.checked_search(options);
         let solved = || search.candidates().iter().map(|candidate| search.solve_from(candidate)).collect();
         let (minima, _) = effort::bounded(self.most_work(), solved);
-        search.judged(minima)
+        search.assess(minima)
     }
 }
 
 impl Search {
-    /// The verdict, with the minima that any driver found from the candidates.
-    pub fn judged(self, minima: Vec<Minimum>) -> Option<Estimate> {
+    /// The estimate, with the minima that any driver found from the candidates.
+    ///
+    /// # Errors
+    /// [`Error::NoPose`] where no pose shows every region in its chart.
+    pub fn assess(self, minima: Vec<Minimum>) -> Result<Estimate> {
         let evaluations = minima.iter().map(|minimum| minimum.evaluations).sum();
         let (Hypotheses { problem, places, samples_unused }, exhausted) =
             effort::bounded(self.problem.most_work(), || self.hypotheses(minima));
         let problem = &*problem;
         let places = stated(likely(problem, places, &self.options.prior), &self.options.prior);
-        let (best, _) = places.first()?;
+        let (best, _) = places.first().ok_or(Error::NoPose)?;
         let evidence = best.evidence(problem, places.len() > 1);
         let noise = match (&best.posterior, &best.minimum) {
             (Some(posterior), _) => posterior.blur,
@@ -100,7 +103,7 @@ impl Search {
         let mut solutions = places.into_iter().map(|(place, stated)| {
             solution(problem, place, stated.map(|share| probability * share), &self.options.frame_sigma)
         });
-        let best = solutions.next()?;
+        let best = solutions.next().ok_or(Error::NoPose)?;
         let alternatives: Vec<Solution> = solutions.collect();
         let ended = if self.exhausted || exhausted { Some(&Termination::WorkLimit) } else { best.unconverged() };
         let unused = samples_unused.then_some(Warning::SamplesUnused);
@@ -108,7 +111,7 @@ impl Search {
         let warnings = unused.into_iter().chain(warnings).collect();
         let creases = if best.posterior.is_some() { self.creases(&best.pose) } else { Vec::new() };
         let (distance, pixel_angle) = (self.problem.distance(&best.pose), self.problem.pixel_angle());
-        Some(Estimate {
+        Ok(Estimate {
             best,
             boundary_noise: noise,
             alternatives,

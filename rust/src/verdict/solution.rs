@@ -17,6 +17,7 @@ pub const TRUSTED: f64 = 0.97;
 
 /// A pose and how well its projected regions cover the observed ones.
 #[derive(Debug, Clone)]
+#[must_use]
 pub struct Solution {
     /// `camera_from_world`.
     pub pose: Pose,

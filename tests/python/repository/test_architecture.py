@@ -304,7 +304,8 @@ def test_one_module_hides_each_larger_dependency(crate: str) -> None:
 def test_the_crate_knows_no_python_and_the_bindings_reach_it_from_outside() -> None:
     for name, code in rust_modules(CRATE).items():
         assert not re.search(rf"\b({'|'.join(PYTHON_CRATES)})::", code), name
-    assert named_after("".join(rust_modules(BINDINGS).values()), "regionpose") <= {*own_uses(rust_modules(CRATE))}
+    named = named_after("".join(rust_modules(BINDINGS).values()), "regionpose")
+    assert {name for name in named if name.islower()} <= {"in_parallel", "internals", "mesh", "moments"}
 
 
 def test_the_cameras_end_at_bearings() -> None:

@@ -3,8 +3,8 @@
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, SVector, U6, Vector3, Vector6};
-use regionpose::alignment::density::{PoseDensity, Sampler};
-use regionpose::geometry::pose::Tangent;
+use regionpose::internals::alignment::density::{PoseDensity, Sampler};
+use regionpose::internals::geometry::pose::Tangent;
 use regionpose::{Pose, PoseSigma, Prior};
 
 use crate::support::jacobian::assert_jacobian;

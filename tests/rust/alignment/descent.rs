@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use nalgebra::{SMatrix, SVector, Vector2, Vector6};
 use proptest::prelude::*;
-use regionpose::alignment::descent::{Ends, minimum};
+use regionpose::internals::alignment::descent::{Ends, minimum};
 
 use crate::support::random::Random;
 

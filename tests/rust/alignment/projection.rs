@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Vector2, Vector3};
 use regionpose::Error;
-use regionpose::alignment::projection::Projection;
+use regionpose::internals::alignment::projection::Projection;
 
 use crate::support::random::Random;
 

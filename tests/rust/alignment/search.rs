@@ -5,16 +5,17 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, LazyLock};
 
 use nalgebra::{Matrix6, Rotation3, Vector2, Vector3, Vector6};
-use regionpose::alignment::blur::blurred;
-use regionpose::alignment::cloud_edges::{CloudEdges, EdgeOptions};
-use regionpose::alignment::density::PoseDensity;
-use regionpose::alignment::frame::{FINEST, Frame, PhotoView, SPREADS, SPREADS_PX};
-use regionpose::alignment::pictures::{DIRECTIONS, LogRatios};
-use regionpose::alignment::posterior::{Mode, Posterior, Weight};
-use regionpose::alignment::projection::Projection;
-use regionpose::alignment::search::{SearchOptions, SearchProgress, search, search_with_progress};
-use regionpose::geometry::pose::Tangent;
-use regionpose::{Error, Pose, Prior, effort};
+use regionpose::internals::alignment::blur::blurred;
+use regionpose::internals::alignment::cloud_edges::{CloudEdges, EdgeOptions};
+use regionpose::internals::alignment::density::PoseDensity;
+use regionpose::internals::alignment::frame::{FINEST, Frame, PhotoView, SPREADS, SPREADS_PX};
+use regionpose::internals::alignment::pictures::{DIRECTIONS, LogRatios};
+use regionpose::internals::alignment::posterior::{Mode, Posterior, Weight};
+use regionpose::internals::alignment::projection::Projection;
+use regionpose::internals::alignment::search::{SearchOptions, SearchProgress, search, search_with_progress};
+use regionpose::internals::effort;
+use regionpose::internals::geometry::pose::Tangent;
+use regionpose::{Error, Pose, Prior};
 
 use crate::support::random::Random;
 

@@ -1,8 +1,8 @@
 //! What the contours of a problem show at a pose, and outlines with mistakes in them.
 
 use nalgebra::{Rotation3, Unit, Vector2, Vector3};
-use regionpose::contour::readings::Reading;
-use regionpose::geometry::pose::Tangent;
+use regionpose::internals::contour::readings::Reading;
+use regionpose::internals::geometry::pose::Tangent;
 use regionpose::{ObservedRegion, Pose, Problem};
 
 use super::random::Random;

@@ -1,7 +1,7 @@
 //! The one checker of derivatives by a pose's increment.
 
 use nalgebra::{DMatrix, DVector, Dyn, OMatrix, U6};
-use regionpose::geometry::pose::Tangent;
+use regionpose::internals::geometry::pose::Tangent;
 
 /// Step of the differences, in radians and in units of the scene's length: truncation is of its fourth power, rounding of
 /// its inverse.

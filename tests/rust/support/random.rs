@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
 use regionpose::Pose;
-use regionpose::geometry::pose::Tangent;
+use regionpose::internals::geometry::pose::Tangent;
 
 /// The SplitMix64 generator (Steele, Lea and Flood 2014).
 pub struct Random(u64);

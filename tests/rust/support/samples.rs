@@ -5,12 +5,12 @@ use nalgebra::{Vector2, Vector3, Vector6};
 use super::random::Random;
 use super::scene::Layout;
 use regionpose::WorldRegion;
-use regionpose::geometry::pose::Tangent;
-use regionpose::geometry::rings::PlaneRings;
-use regionpose::math::gaussian::Gaussian;
-use regionpose::samples::propagation::Site;
-use regionpose::samples::readings::{Edge, Sight};
-use regionpose::samples::trust::Trust;
+use regionpose::internals::geometry::pose::Tangent;
+use regionpose::internals::geometry::rings::PlaneRings;
+use regionpose::internals::math::gaussian::Gaussian;
+use regionpose::internals::samples::propagation::Site;
+use regionpose::internals::samples::readings::{Edge, Sight};
+use regionpose::internals::samples::trust::Trust;
 
 /// Regions before the camera.
 pub fn layout(regions: usize) -> Layout {
