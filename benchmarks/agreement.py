@@ -25,7 +25,7 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.alignment import Photo
+from regionpose.alignment.photo import Photo
 from regionpose.cameras import Camera
 from scipy.spatial.transform import Rotation
 
@@ -54,7 +54,7 @@ class RealFrame(NamedTuple):
         """Photo and cloud, without regions."""
         return rp.SceneFrame(Photo.of(self.image), self.cloud.points, self.camera, intensity=self.cloud.intensity)
 
-    def alignment(self, photo: Photo, pose: rp.Pose) -> rp.Alignment:
+    def alignment(self, photo: Photo, pose: rp.Pose) -> rp.alignment.Alignment:
         """How well photo and cloud agree at a pose."""
         return rp.check_alignment(photo, self.cloud.points, self.camera, pose, intensity=self.cloud.intensity)
 

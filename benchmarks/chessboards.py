@@ -25,8 +25,9 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from regionpose.io.yaml_text import to_yaml
-from regionpose.scene import SceneEstimate, estimate_scene, load_scene
 from regionpose.scene.bundle import Truth, truth_errors
+from regionpose.scene.estimate import SceneEstimate, estimate_scene
+from regionpose.scene.loading import load_scene
 from regionpose.scene.verdict import verdict
 
 from benchmarks.real_scenes import DEFAULT_DATA, RIG, camera_item, cloud_file, cloud_of, world_item

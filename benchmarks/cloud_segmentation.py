@@ -110,7 +110,7 @@ def synthetic_row(seed: int, lidar: SpinningLidar) -> list[float] | None:
     if count < LEAST_POINTS:
         return None
     try:
-        found = rp.grow_plane(points, nearest_to_median(points[:count]))
+        found = rp.segment.grow_plane(points, nearest_to_median(points[:count]))
     except ValueError:
         found = np.empty(0, dtype=np.intp)
     row = [overlap_of_points(found, np.arange(count)).iou]
@@ -153,7 +153,7 @@ def labeled_faces(data: Path) -> Iterator[tuple[Path, dict[str, Any], dict[str, 
 @lru_cache(maxsize=1)
 def planes_of(folder: Path) -> list[Indices]:
     """All planes of a scene's cloud, found once for its labeled faces."""
-    return rp.find_planes(cloud_of(folder))
+    return rp.segment.find_planes(cloud_of(folder))
 
 
 def real_pose_error(region: rp.WorldRegion, labels: dict[str, Any], calibration: dict[str, Any]) -> tuple[float, float]:
@@ -186,7 +186,7 @@ def print_real(data: Path) -> None:
     for folder, labels, calibration in faces:
         cloud = cloud_of(folder)
         true = np.load(folder / labels["point_indices"])
-        overlap = overlap_of_points(rp.grow_plane(cloud, np.median(cloud[true], axis=0)), true)
+        overlap = overlap_of_points(rp.segment.grow_plane(cloud, np.median(cloud[true], axis=0)), true)
         found = max(overlap_of_points(members, true).iou for members in planes_of(folder))
         areas, errors = [], []
         for correct in (False, True):

@@ -100,12 +100,12 @@ def planes_of(frame: RealFrame) -> list[Indices]:
     pixels = frame.camera.project(frame.truth.transform(frame.points))
     size = np.array([frame.camera.width or 0, frame.camera.height or 0])
     near = np.flatnonzero(((pixels > -BESIDE * size) & (pixels < (1.0 + BESIDE) * size)).all(axis=1))
-    return [near[indices] for indices in rp.find_planes(frame.points[near])]
+    return [near[indices] for indices in rp.segment.find_planes(frame.points[near])]
 
 
 def row_of(frame: RealFrame, scene: rp.SceneFrame, planes: Sequence[Indices], kind: str, pose: rp.Pose) -> Row:
     """The row of a frame at a pose."""
-    found = rp.confirmed_regions(scene, pose, sensor_origin=frame.scanner, planes=planes)
+    found = rp.scene.confirmed_regions(scene, pose, sensor_origin=frame.scanner, planes=planes)
     row = Row(kind, frame.name, found.compared, len(found.regions), found.log_odds)
     estimate = region_pose([(scene, found)], prior_of(frame))
     if estimate is None or not np.isfinite(estimate.covariance).all():

@@ -20,7 +20,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
-from regionpose import ImageRegion, WorldRegion, estimate_pose, grow_image_region, mask_from_file
+from regionpose import ImageRegion, WorldRegion, estimate_pose
+from regionpose.io import mask_from_file
+from regionpose.segment import grow_image_region
 from scipy import ndimage
 from skimage.color import lab2rgb
 

@@ -37,7 +37,7 @@ from regionpose.app.range_view import PIXELS_PER_SPACING, RangeView
 from regionpose.app.session import Session
 from regionpose.geometry.pose import Pose
 from regionpose.io.yaml_text import to_yaml
-from regionpose.scene import SceneEstimate
+from regionpose.scene.estimate import SceneEstimate
 from regionpose.scene.verdict import TRUSTED, verdict
 from regionpose.solve.prior import UP_SIGMA_DEG
 

@@ -40,8 +40,11 @@ from numpy.typing import NDArray
 from regionpose.cameras import Camera
 from regionpose.io.yaml_text import to_yaml
 from regionpose.regions.outline import SparseSamplingWarning
-from regionpose.scene import SceneData, Stages, estimate_scene, load_scene, scene_sides
 from regionpose.scene.bundle import bundle
+from regionpose.scene.estimate import estimate_scene
+from regionpose.scene.exposure import SceneData, scene_sides
+from regionpose.scene.loading import load_scene
+from regionpose.scene.stages import Stages
 
 Array = NDArray[np.float64]
 Plain = dict[str, Any]
@@ -89,7 +92,7 @@ class RealScene:
         """The pose of the frame, or of the frames as a rig."""
         return self.estimate_and_scatter(way, prior)[0]
 
-    def estimate_and_scatter(self, way: str, prior: str) -> tuple[rp.PoseEstimate, rp.BetweenFrameSigma | None]:
+    def estimate_and_scatter(self, way: str, prior: str) -> tuple[rp.PoseEstimate, rp.solve.BetweenFrameSigma | None]:
         """The same, and how far frames are off as wholes; None of a single one."""
         images, worlds, known = self.images, self.worlds[way], self.priors[prior]
         if not self.counts:
@@ -121,7 +124,7 @@ class Row(NamedTuple):
     answers: int
     confidence: float
     codes: tuple[str, ...]
-    between_frame_sigma: rp.BetweenFrameSigma | None
+    between_frame_sigma: rp.solve.BetweenFrameSigma | None
 
 
 def camera_item(calibration: Plain) -> Plain:
@@ -143,7 +146,7 @@ def camera_of(calibration: Plain) -> Camera:
     classes: dict[str, Callable[..., Camera]] = {
         "pinhole": rp.PinholeCamera,
         "fisheye": rp.FisheyeCamera,
-        "ocam": rp.OcamCamera,
+        "ocam": rp.cameras.OcamCamera,
     }
     return classes[item.pop("model")](**item)
 
@@ -285,7 +288,7 @@ def _sigmas(error: Array, covariance: Array) -> float:
 def row_of(scene: RealScene, way: str, prior: str) -> Row:
     """A scene's estimate and its errors."""
     estimate, scatter = scene.estimate_and_scatter(way, prior)
-    answers: list[rp.PoseEstimate | rp.Alternative] = [estimate, *estimate.alternatives]
+    answers: list[rp.PoseEstimate | rp.solve.Alternative] = [estimate, *estimate.alternatives]
     errors = [errors_of(answer.pose, answer.covariance, scene.truth) for answer in answers]
     place = int(np.argmin([each.rotation for each in errors]))
     codes = tuple(dict.fromkeys(warning.code for warning in estimate.warnings))

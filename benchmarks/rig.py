@@ -51,7 +51,7 @@ def print_frames(rig: rp.RigEstimate) -> None:
         )
 
 
-def print_refinement(refinement: rp.CameraRefinement) -> None:
+def print_refinement(refinement: rp.solve.CameraRefinement) -> None:
     """Print the parameters of the camera, given and found."""
     before, after = refinement.residual_px
     found = zip(refinement.parameters, refinement.given, refinement.found, refinement.sigma, strict=True)
@@ -92,7 +92,7 @@ def shift_mm(rig: rp.RigEstimate, frames: list[rp.Frame]) -> float:
     return float(1e3 * np.linalg.norm(rig.pose.transform(middle) - middle))
 
 
-def deviations(refinement: rp.CameraRefinement, truth: Camera) -> list[float]:
+def deviations(refinement: rp.solve.CameraRefinement, truth: Camera) -> list[float]:
     """Errors of the parameters in standard deviations; the true cameras have no distortion."""
     true = [getattr(truth, name, 0.0) for name in refinement.parameters]
     return list((refinement.found - true) / refinement.sigma)

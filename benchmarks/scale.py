@@ -28,8 +28,10 @@ from PIL import Image, ImageDraw
 from regionpose.app.desk import Desk
 from regionpose.app.session import Session
 from regionpose.io.yaml_text import to_yaml
-from regionpose.scene import Stages, estimate_scene, load_scene
 from regionpose.scene.bundle import bundle
+from regionpose.scene.estimate import estimate_scene
+from regionpose.scene.loading import load_scene
+from regionpose.scene.stages import Stages
 
 Array = NDArray[np.float64]
 
@@ -113,7 +115,7 @@ def make_inputs(folder: Path, count: int, megapixels: float) -> Inputs:
     """Write the cloud, the image and the scene file."""
     camera = camera_of(megapixels)
     inputs = Inputs.of(folder)
-    rp.write_ply(inputs.cloud, rp.Cloud(points_of(count)))
+    rp.io.write_ply(inputs.cloud, rp.Cloud(points_of(count)))
     picture_of(camera).save(inputs.image)
     regions = []
     for name, (corner, u, v) in PANELS.items():
@@ -202,7 +204,9 @@ def stages(inputs: Inputs, megapixels: float) -> dict[str, Callable[[], Callable
     def on_patch(seed: Array, sensor_origin: Array | None) -> Callable[[], Callable[[], object]]:
         def grown() -> Callable[[], object]:
             points = held.cloud().points
-            return partial(rp.WorldRegion.from_scan, points, rp.grow_plane(points, seed), sensor_origin=sensor_origin)
+            return partial(
+                rp.WorldRegion.from_scan, points, rp.segment.grow_plane(points, seed), sensor_origin=sensor_origin
+            )
 
         return grown
 
@@ -210,12 +214,12 @@ def stages(inputs: Inputs, megapixels: float) -> dict[str, Callable[[], Callable
     return {
         "read_cloud (PLY)": lambda: held.cloud,
         "read image (PNG)": lambda: held.image,
-        "grow_image_region": lambda: partial(rp.grow_image_region, held.image(), held.pixel),
-        "grow_plane": on_points(lambda points: rp.grow_plane(points, held.seed)),
-        "find_planes": on_points(rp.find_planes),
+        "grow_image_region": lambda: partial(rp.segment.grow_image_region, held.image(), held.pixel),
+        "grow_plane": on_points(lambda points: rp.segment.grow_plane(points, held.seed)),
+        "find_planes": on_points(rp.segment.find_planes),
         "WorldRegion.from_scan (a panel)": on_patch(held.seed, CENTER),
         "WorldRegion.from_scan (no scanner)": on_patch(held.seed, None),
-        "grow_plane (a wall)": on_points(lambda points: rp.grow_plane(points, beside)),
+        "grow_plane (a wall)": on_points(lambda points: rp.segment.grow_plane(points, beside)),
         "WorldRegion.from_scan (a wall)": on_patch(beside, CENTER),
         "WorldRegion.from_points (a wall)": lambda: partial(rp.WorldRegion.from_points, wall()),
         "colorize": on_both(lambda points, picture: rp.colorize(points, picture, camera, pose)),
@@ -223,7 +227,7 @@ def stages(inputs: Inputs, megapixels: float) -> dict[str, Callable[[], Callable
         "calibration": held.calibration,
         "pick: the first pictures": lambda: held.desk,
         "pick: the first click in 3D": held.solid_click,
-        "write_ply": lambda: partial(rp.write_ply, inputs.cloud.with_name("written.ply"), held.cloud()),
+        "write_ply": lambda: partial(rp.io.write_ply, inputs.cloud.with_name("written.ply"), held.cloud()),
         "regionpose estimate, all files": lambda: held.run,
     }
 

@@ -21,7 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 from regionpose.geometry.pose import Pose
 from regionpose.io.yaml_text import to_yaml
-from regionpose.scene import SceneData, estimate_scene, load_scene, scene_sides
+from regionpose.scene.estimate import estimate_scene
+from regionpose.scene.exposure import SceneData, scene_sides
+from regionpose.scene.loading import load_scene
 from regionpose.scene.models import PLANES
 
 from benchmarks.picking import frames

@@ -27,7 +27,7 @@ from mutation import mutated
 from regionpose.io.calibrations import CalibrationError
 from regionpose.io.clouds import CloudError
 from regionpose.io.reading import FileError
-from regionpose.scene import SceneError
+from regionpose.scene.document import SceneError
 from samples import Sample, samples
 
 OWN = (ValueError, FileError, CloudError, CalibrationError, SceneError)

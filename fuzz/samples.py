@@ -201,7 +201,7 @@ def _texts() -> list[Sample]:
     from regionpose.cli.info import file_facts
     from regionpose.io.calibrations.poses import read_pose
     from regionpose.io.masks.readers import regions_from_file
-    from regionpose.scene import load_scene
+    from regionpose.scene.loading import load_scene
 
     lidar = {"results": {"T_lidar_camera": [1, 2, 3, 0, 0, 0, 1]}}
     matrix = "\n".join(" ".join(map(str, row)) for row in np.eye(4))

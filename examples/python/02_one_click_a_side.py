@@ -14,12 +14,12 @@ from regionpose.datasets import demo as scene
 
 demo = scene.load()
 chosen = [demo.region(name) for name in ("door", "notice-board", "chalkboard")]
-masks = [rp.grow_image_region(demo.image, region.seed_pixel, coverage=True) for region in chosen]
+masks = [rp.segment.grow_image_region(demo.image, region.seed_pixel, coverage=True) for region in chosen]
 members = []
 for region in chosen:
     level = demo.intensities[np.argmin(np.linalg.norm(demo.points - region.seed_point, axis=1))]
     alike = np.flatnonzero(np.abs(demo.intensities.astype(int) - level) <= 30)
-    members.append(alike[rp.grow_plane(demo.points[alike], region.seed_point)])
+    members.append(alike[rp.segment.grow_plane(demo.points[alike], region.seed_point)])
 
 for region, mask, found in zip(chosen, masks, members, strict=True):
     print(f"{region.name}: {np.sum(mask):.0f} pixels, {len(found)} points")

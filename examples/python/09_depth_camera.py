@@ -36,7 +36,7 @@ points = rays * (depth + np.random.default_rng(0).normal(scale=0.002, size=depth
 
 world_regions = []
 for corner, right, down in boards:
-    members = rp.grow_plane(points, corner + 0.5 * right + 0.5 * down)
+    members = rp.segment.grow_plane(points, corner + 0.5 * right + 0.5 * down)
     world_regions.append(rp.WorldRegion.from_scan(points, members, sensor_origin=[0, 0, 0]))
     print(world_regions[-1])
 

@@ -62,7 +62,9 @@ turned = []
 for degrees in distances:
     increment = np.radians([0, degrees, 0])
     rotation = type(pose.rotation).from_rotvec(increment) * pose.rotation
-    turned.append(rp.overlap_errors(demo.camera, image_regions, world_regions, rp.Pose(rotation, pose.translation))[1])
+    turned.append(
+        rp.solve.overlap_errors(demo.camera, image_regions, world_regions, rp.Pose(rotation, pose.translation))[1]
+    )
 figure, axes = plt.subplots(figsize=(6, 3.5), layout="constrained")
 axes.plot(distances, 100 * np.array(turned), label=[region.name for region in demo.regions])
 axes.set(xlabel="camera turned by, deg", ylabel="overlap error, %")

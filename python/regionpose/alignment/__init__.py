@@ -2,25 +2,7 @@
 pose.
 """
 
-from regionpose.alignment.agreement import Alignment, check_alignment
-from regionpose.alignment.calibration import Calibration, calibrate, calibrate_with
-from regionpose.alignment.focal import FocalEvidence
-from regionpose.alignment.frame import SceneFrame
-from regionpose.alignment.photo import Photo
-from regionpose.alignment.pose_search import EdgeMode
-from regionpose.alignment.region_evidence import RegionEvidence
-from regionpose.alignment.visibility import Occlusion
+import lazy_loader
 
-__all__ = [
-    "Alignment",
-    "Calibration",
-    "EdgeMode",
-    "FocalEvidence",
-    "Occlusion",
-    "Photo",
-    "RegionEvidence",
-    "SceneFrame",
-    "calibrate",
-    "calibrate_with",
-    "check_alignment",
-]
+# The names stand in `__init__.pyi`, and each is loaded when first used.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

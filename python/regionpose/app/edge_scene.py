@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from regionpose.cameras import Camera
 from regionpose.io.clouds import Cloud
-from regionpose.scene import Scene, SceneData
-from regionpose.scene.exposure import checked
+from regionpose.scene.exposure import SceneData, checked
+from regionpose.scene.loading import Scene
 from regionpose.scene.sensors import Picture, sensor_origin
 
 REGION_KEYS = ("regions", "image_regions", "world_regions")

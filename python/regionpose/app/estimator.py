@@ -11,8 +11,8 @@ from typing import Any
 from regionpose.app.outcome import Outcome
 from regionpose.app.session import Session
 from regionpose.progress import UnwantedError, while_wanted
-from regionpose.scene import SceneEstimate, Stages
-from regionpose.scene.estimate import uses_edges, with_edges
+from regionpose.scene.estimate import SceneEstimate, uses_edges, with_edges
+from regionpose.scene.stages import Stages
 
 DEBOUNCE_S = 0.35
 """Seconds without an edit after which the pose is estimated: a pause, not the time between two clicks."""

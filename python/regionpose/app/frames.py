@@ -13,11 +13,14 @@ from regionpose.app.session import Session
 from regionpose.cameras import Camera
 from regionpose.io.clouds import Cloud
 from regionpose.io.outputs import Writer, claimed, text_writer
-from regionpose.scene import Scene, SceneData, SceneError, Stages, load_scene
+from regionpose.scene.document import SceneError
 from regionpose.scene.estimate import frame_label
+from regionpose.scene.exposure import SceneData
 from regionpose.scene.folder import SHARED, folder_pairs
+from regionpose.scene.loading import Scene, load_scene
 from regionpose.scene.paths import moved, relative
 from regionpose.scene.sensors import Picture, read_sensors
+from regionpose.scene.stages import Stages
 
 Plain = dict[str, Any]
 Sensors = tuple[Picture, Camera, Cloud | None]

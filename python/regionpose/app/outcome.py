@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.scene import SceneEstimate
+from regionpose.scene.estimate import SceneEstimate
 from regionpose.scene.fit import Fit, region_fits
 from regionpose.scene.verdict import Verdict, verdict
 from regionpose.viz.overlays import projected_lines

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from regionpose.app.parts import Choices, ImagePart, WorldPart, only
 from regionpose.regions.image import ImageRegion
-from regionpose.scene import Scene
+from regionpose.scene.loading import Scene
 from regionpose.scene.region_sides import Scan, points_side, world_side
 from regionpose.scene.sensors import Picture
 from regionpose.segment.chessboard import chessboard_around

@@ -11,9 +11,8 @@ import numpy as np
 
 from regionpose.app.parts import ImagePart, Picked, WorldPart
 from regionpose.io.yaml_text import to_yaml
-from regionpose.scene import Scene
 from regionpose.scene.document import Document
-from regionpose.scene.loading import model_of
+from regionpose.scene.loading import Scene, model_of
 from regionpose.scene.loading import scene_of as checked_scene_of
 
 HEADING = "# Written by `regionpose pick`; `regionpose estimate` on it gives the pose.\n"

@@ -22,14 +22,16 @@ from regionpose.cameras import Camera
 from regionpose.io.clouds import Cloud
 from regionpose.io.outputs import Writer, claimed, text_writer
 from regionpose.progress import told_each
-from regionpose.scene import Scene, SceneData, SceneError, SceneEstimate, Stages, estimate_sides, load_scene
-from regionpose.scene.estimate import estimate_frames, estimate_regions
-from regionpose.scene.exposure import Unpaired, checked
+from regionpose.scene.document import SceneError
+from regionpose.scene.estimate import SceneEstimate, estimate_frames, estimate_regions, estimate_sides
+from regionpose.scene.exposure import SceneData, Unpaired, checked
+from regionpose.scene.loading import Scene, load_scene
 from regionpose.scene.models import PLANES
 from regionpose.scene.paths import relative
 from regionpose.scene.region_sides import Scan, WorldSide, image_side, plane_sides, scene_origin
 from regionpose.scene.sensors import Picture, read_sensors, sensor_origin
 from regionpose.scene.solver_config import scene_prior
+from regionpose.scene.stages import Stages
 from regionpose.segment.cloud import points_on_plane
 from regionpose.segment.segmenters import Segmenter
 

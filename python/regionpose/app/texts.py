@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from regionpose.app.outcome import Outcome
 from regionpose.app.parts import Picked
 from regionpose.geometry.units import angle_text, length_text
-from regionpose.scene import SceneEstimate
+from regionpose.scene.estimate import SceneEstimate
 from regionpose.scene.fit import scene_fit
 from regionpose.scene.result import edge_search_values
 from regionpose.scene.searched import searched_text

@@ -49,10 +49,10 @@ def camera_from_colmap(
     Examples
     --------
     >>> import regionpose as rp
-    >>> camera = rp.camera_from_colmap("SIMPLE_RADIAL", 640, 480, [500.0, 320.0, 240.0, -0.1])
+    >>> camera = rp.cameras.camera_from_colmap("SIMPLE_RADIAL", 640, 480, [500.0, 320.0, 240.0, -0.1])
     >>> camera.cx, camera.distortion
     (319.5, (-0.1, 0.0, 0.0, 0.0))
-    >>> rp.camera_to_colmap(camera)
+    >>> rp.cameras.camera_to_colmap(camera)
     ('OPENCV', 640, 480, [500.0, 500.0, 320.0, 240.0, -0.1, 0.0, 0.0, 0.0])
 
     """

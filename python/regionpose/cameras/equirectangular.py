@@ -31,7 +31,7 @@ class EquirectangularCamera(Camera):
     Examples
     --------
     >>> import numpy as np, regionpose as rp
-    >>> camera = rp.EquirectangularCamera(3600, 1800)
+    >>> camera = rp.cameras.EquirectangularCamera(3600, 1800)
     >>> np.round(camera.project([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]), 3).tolist()
     [[1799.5, 899.5], [2699.5, 899.5]]
     """

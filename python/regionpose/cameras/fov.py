@@ -37,7 +37,7 @@ class FovCamera(MatrixCamera):
     Examples
     --------
     >>> import numpy as np, regionpose as rp
-    >>> camera = rp.FovCamera(300.0, 300.0, 320.0, 240.0, omega=np.pi / 2)
+    >>> camera = rp.cameras.FovCamera(300.0, 300.0, 320.0, 240.0, omega=np.pi / 2)
     >>> np.round(camera.project([[0.5, 0.0, 1.0]]), 6).tolist()
     [[470.0, 240.0]]
     """

@@ -61,7 +61,7 @@ class OcamCamera(Camera):
     Examples
     --------
     >>> import regionpose as rp
-    >>> rp.OcamCamera((300.0, 0.0, -1e-3), (640.0, 480.0)).bearings([[640.0, 480.0]]).tolist()
+    >>> rp.cameras.OcamCamera((300.0, 0.0, -1e-3), (640.0, 480.0)).bearings([[640.0, 480.0]]).tolist()
     [[0.0, 0.0, 1.0]]
     """
 

@@ -44,7 +44,7 @@ class UnifiedCamera(MatrixCamera):
     Examples
     --------
     >>> import regionpose as rp
-    >>> rp.UnifiedCamera(600.0, 600.0, 320.0, 240.0, xi=1.0).project([[0.0, 0.0, 1.0]]).tolist()
+    >>> rp.cameras.UnifiedCamera(600.0, 600.0, 320.0, 240.0, xi=1.0).project([[0.0, 0.0, 1.0]]).tolist()
     [[320.0, 240.0]]
     """
 

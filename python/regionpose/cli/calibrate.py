@@ -31,8 +31,8 @@ from regionpose.cli.recordings import Choice, recording_scene
 from regionpose.io.outputs import text_writer
 
 if TYPE_CHECKING:
-    from regionpose.scene import Scene
     from regionpose.scene.folder import FolderOptions
+    from regionpose.scene.loading import Scene
 
 
 def calibrate(

@@ -14,8 +14,8 @@ from regionpose.cli.estimate import DOUBTED, WARNED, Outcome, exit_code, scene_o
 from regionpose.io.outputs import refuse_existing, text_writer
 
 if TYPE_CHECKING:
-    from regionpose.scene import Scene
     from regionpose.scene.folder import FolderOptions
+    from regionpose.scene.loading import Scene
 
 SCENE_FILE = "scene.yaml"
 

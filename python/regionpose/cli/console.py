@@ -16,7 +16,7 @@ import typer
 if TYPE_CHECKING:
     from regionpose.cli.bars import StageLine
     from regionpose.io.clouds import Cloud
-    from regionpose.scene import Stages
+    from regionpose.scene.stages import Stages
 
 Item = TypeVar("Item")
 
@@ -70,7 +70,7 @@ class Progress:
     @property
     def stages(self) -> Stages:
         """The stages of a scene's run, shown as they come."""
-        from regionpose.scene import Stages
+        from regionpose.scene.stages import Stages
 
         return Stages(self.begin, self.share, self.of_bytes)
 

@@ -42,8 +42,8 @@ def demo(
       regionpose demo --json --quiet | jq .truth_errors
     """
     from regionpose.datasets.demo import folder
-    from regionpose.scene import load_scene
     from regionpose.scene.bundle import read_truth
+    from regionpose.scene.loading import load_scene
 
     files = folder()
     truth = read_truth(files / "truth.json")

@@ -14,8 +14,10 @@ from regionpose.geometry.units import angle_text, length_text
 from regionpose.io.outputs import Writer, claimed
 
 if TYPE_CHECKING:
-    from regionpose.scene import Scene, SceneEstimate, Stages
     from regionpose.scene.bundle import Truth
+    from regionpose.scene.estimate import SceneEstimate
+    from regionpose.scene.loading import Scene
+    from regionpose.scene.stages import Stages
 
 WARNED, DOUBTED = 1, 3
 """Exit codes of a pose with warnings, under --strict, and of one that is doubtful."""
@@ -91,8 +93,8 @@ def scene_outcome(
     extra: Mapping[str, Writer] | None = None,
 ) -> Outcome:
     """Estimate a checked scene and write its files and `extra` ones to the folder `out`."""
-    from regionpose.scene import estimate_scene
     from regionpose.scene.bundle import bundle, file_names
+    from regionpose.scene.estimate import estimate_scene
 
     more = dict(extra or {})
     with claimed(out, [*more, *file_names(scene)], force=force) as claim:

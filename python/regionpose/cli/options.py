@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from regionpose.scene import Scene
+    from regionpose.scene.loading import Scene
 
 Force = Annotated[bool, typer.Option("--force", help="Replace files that are there.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
@@ -68,7 +68,7 @@ PosePaths = Annotated[
 
 def scene_with(path: Path, segmenter: str | None) -> Scene:
     """The scene of a file, whose seeds in photos ask the segmenter that is named, if one is."""
-    from regionpose.scene import load_scene
+    from regionpose.scene.loading import load_scene
 
     return asking(load_scene(path), segmenter)
 

@@ -14,7 +14,7 @@ from regionpose.cli.options import CAMERA_HELP, Columns, Quiet, SegmenterName, n
 
 if TYPE_CHECKING:
     from regionpose.app.session import Session
-    from regionpose.scene import Stages
+    from regionpose.scene.stages import Stages
 
 
 def pick(

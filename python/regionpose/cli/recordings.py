@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from regionpose.cli.console import Progress
 
 if TYPE_CHECKING:
-    from regionpose.scene import Scene
     from regionpose.scene.folder import FolderOptions
+    from regionpose.scene.loading import Scene
 
 
 class Choice(NamedTuple):

@@ -16,7 +16,8 @@ from regionpose.io.outputs import claimed, refuse_existing, text_writer, write_f
 
 if TYPE_CHECKING:
     from regionpose.regions.image import ImageRegion
-    from regionpose.scene import Scene, SceneData
+    from regionpose.scene.exposure import SceneData
+    from regionpose.scene.loading import Scene
     from regionpose.scene.region_sides import WorldSide
 
 SCENE_SUFFIXES = {".yaml", ".yml", ".json"}
@@ -168,7 +169,7 @@ def _segment_scene(
 ) -> dict[str, Any]:
     if seed is not None:
         raise ValueError(f"--seed: found {seed!r} with a scene file; needed none, its regions have their own")
-    from regionpose.scene import scene_sides
+    from regionpose.scene.exposure import scene_sides
     from regionpose.scene.loading import named_regions
 
     scene = scene_with(path, segmenter)

@@ -1,1 +1,6 @@
 """Colors of photos on point clouds."""
+
+import lazy_loader
+
+# The names stand in `__init__.pyi`, and each is loaded when first used.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

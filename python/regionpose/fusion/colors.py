@@ -54,7 +54,17 @@ WIDEST_GAP_SHARE = 1 / 16
 
 
 class PosedImage(NamedTuple):
-    """An image (h, w) or (h, w, 3), its camera, and the pose `camera_from_world`."""
+    """A photo with its camera and pose.
+
+    Parameters
+    ----------
+    image : (h, w) or (h, w, 3) array
+        uint8, uint16 or floats in [0, 1].
+    camera : Camera
+        Of the photo.
+    pose : Pose
+        `camera_from_world`.
+    """
 
     image: ArrayLike
     camera: Camera
@@ -164,13 +174,27 @@ def blend_colors(
     return np.round(sums, out=sums).astype(np.uint8), visible
 
 
+@checked_arguments
 def colored_cloud(
     cloud: Cloud, views: Iterable[PosedImage | tuple[ArrayLike, Camera, Pose]], *, normals: ArrayLike | None = None
 ) -> tuple[Cloud, Mask]:
     """The cloud with the colors of images, and which points (n,) any of the cameras sees.
 
-    Points that aren't seen keep their color, or are black; the field
-    `visible` (0, 1) tells. Colors as of `blend_colors`.
+    Points that aren't seen keep their color, or are black; the field `visible` holds 0 and 1.
+
+    Parameters
+    ----------
+    cloud : Cloud
+        In the world of the poses.
+    views : iterable of PosedImage or tuples
+        Image, camera and pose of each.
+    normals : (n, 3) array, optional
+        As of `blend_colors`.
+
+    Raises
+    ------
+    ValueError
+        As of `blend_colors`.
     """
     near = ((image, camera, pose.rebase(cloud.origin)) for image, camera, pose in views)
     colors, visible = blend_colors(cloud.local_points, near, normals=normals)

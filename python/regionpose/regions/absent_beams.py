@@ -113,7 +113,7 @@ def absent_beams(
     >>> angle, height = np.meshgrid(np.radians(np.arange(0.0, 360.0)), np.radians(np.arange(-8.0, 9.0, 2.0)))
     >>> ways = np.stack([np.cos(height) * np.cos(angle), np.cos(height) * np.sin(angle), np.sin(height)], axis=-1)
     >>> scan = np.delete(5.0 * ways.reshape(-1, 3), np.arange(1000, 1020), axis=0)
-    >>> len(rp.absent_beams(scan, [0, 0, 0]))
+    >>> len(rp.regions.absent_beams(scan, [0, 0, 0]))
     20
     """
     given = row_array(points, "points", 3)

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionpose.alignment import Calibration, SceneFrame
+from regionpose.alignment.calibration import Calibration
+from regionpose.alignment.frame import SceneFrame
 from regionpose.geometry.pose import Pose
 from regionpose.progress import Progress, check_wanted, part, told_each
 from regionpose.regions.image import ImageRegion

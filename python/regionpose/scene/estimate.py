@@ -10,7 +10,11 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.alignment import Alignment, Calibration, Photo, RegionEvidence, SceneFrame, calibrate_with
+from regionpose.alignment.agreement import Alignment
+from regionpose.alignment.calibration import Calibration, calibrate_with
+from regionpose.alignment.frame import SceneFrame
+from regionpose.alignment.photo import Photo
+from regionpose.alignment.region_evidence import RegionEvidence
 from regionpose.cameras import Camera
 from regionpose.geometry.pose import Pose
 from regionpose.progress import check_wanted

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.alignment import Calibration
+from regionpose.alignment.calibration import Calibration
 from regionpose.geometry.pose import Pose
 from regionpose.io.exports.view import camera_values
 from regionpose.scene.estimate import SceneEstimate

@@ -31,7 +31,13 @@ class Predictor(Protocol):
 
 
 class PredictorSegmenter:
-    """A segmenter of an object with `set_image` and `predict`; an image is set once as long as clicks are in it."""
+    """A segmenter of an object with `set_image` and `predict`; an image is set once as long as clicks are in it.
+
+    Parameters
+    ----------
+    predictor : Predictor
+        As SAM2ImagePredictor or SamPredictor.
+    """
 
     def __init__(self, predictor: Predictor) -> None:
         """Ask this object."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
-from regionpose.alignment import Alignment
+from regionpose.alignment.agreement import Alignment
 from regionpose.cameras import Camera
 from regionpose.fusion.colors import project_points
 from regionpose.geometry.pose import Pose

@@ -7,8 +7,7 @@ import pytest
 import regionpose as rp
 from card_scenes import CAMERA, POSE, cards, painted, turned
 from numpy.typing import NDArray
-from regionpose.alignment import Photo
-from regionpose.alignment.photo import blurred
+from regionpose.alignment.photo import Photo, blurred
 from scipy.ndimage import gaussian_filter
 
 Array = NDArray[np.float64]

@@ -367,6 +367,6 @@ def test_results_can_t_be_changed_and_can_be_copied(found: Found) -> None:
 
 def test_modes_keep_their_own_arrays() -> None:
     covariance = np.eye(6)
-    mode = rp.EdgeMode(rp.Pose.from_matrix(np.eye(4)), covariance, 1.0, 2.0, 3)
+    mode = rp.alignment.EdgeMode(rp.Pose.from_matrix(np.eye(4)), covariance, 1.0, 2.0, 3)
     covariance[0, 0] = 9.0
     assert mode.covariance[0, 0] == 1.0 and not mode.covariance.flags.writeable

@@ -23,7 +23,7 @@ def images(seed: int, noise_px: float = 0.5) -> list[rp.ImageRegion]:
     return [rp.ImageRegion.from_polygon(ring + rng.normal(0.0, noise_px, ring.shape)) for ring in rings]
 
 
-def judged(camera: rp.Camera, seed: int, photo: int | None = None, frames: int = 1) -> rp.Calibration:
+def judged(camera: rp.cameras.Camera, seed: int, photo: int | None = None, frames: int = 1) -> rp.Calibration:
     """The pose with a camera, by regions and edges."""
     held = []
     for number in range(seed, seed + frames):
@@ -34,7 +34,7 @@ def judged(camera: rp.Camera, seed: int, photo: int | None = None, frames: int =
     return rp.calibrate(held)
 
 
-def focal_of(found: rp.Calibration) -> rp.FocalEvidence:
+def focal_of(found: rp.Calibration) -> rp.alignment.FocalEvidence:
     assert found.focal is not None
     return found.focal
 
@@ -72,7 +72,7 @@ def test_a_percent_moves_the_pose_as_stated(seed: int) -> None:
 
 
 def test_a_camera_without_focal_lengths_has_no_such_evidence() -> None:
-    camera = rp.EquirectangularCamera(1000, 500)
+    camera = rp.cameras.EquirectangularCamera(1000, 500)
     photo, points = np.zeros((500, 1000), dtype=np.uint8), cards(0)[1]
     rings = [camera.project(SHAPE + place) for place in PLACES]
     regions = [rp.ImageRegion.from_polygon(ring) for ring in rings]

@@ -20,11 +20,11 @@ IMAGES = [rp.ImageRegion.from_polygon(CAMERA.project(SIGN))]
 WORLDS = [rp.WorldRegion.from_polygon(POSE.inverse().transform(SIGN))]
 SMALL = rp.ImageRegion.from_mask(np.pad(np.ones((60, 90), dtype=np.bool_), ((40, 140), (80, 150))))
 
-TAKE_PHOTOS: dict[str, Callable[[Photo, rp.Camera], object]] = {
+TAKE_PHOTOS: dict[str, Callable[[Photo, rp.cameras.Camera], object]] = {
     "check_alignment": lambda photo, camera: rp.check_alignment(photo, POINTS, camera, POSE),
     "SceneFrame": lambda photo, camera: rp.SceneFrame(photo, POINTS, camera),
     "colorize": lambda photo, camera: rp.colorize(POINTS, photo, camera, POSE),
-    "blend_colors": lambda photo, camera: rp.blend_colors(POINTS, [(photo, camera, POSE)]),
+    "blend_colors": lambda photo, camera: rp.fusion.blend_colors(POINTS, [(photo, camera, POSE)]),
     "overlay_regions": lambda photo, camera: rp.overlay_regions(photo, camera, POSE, IMAGES, WORLDS),
     "overlay_depth": lambda photo, camera: rp.overlay_depth(photo, camera, POSE, POINTS),
 }
@@ -33,7 +33,7 @@ TAKE_MASKS: dict[str, Callable[[rp.ImageRegion], object]] = {
     "estimate_pose": lambda region: rp.estimate_pose(CAMERA, [region], WORLDS),
     "estimate_rig": lambda region: rp.estimate_rig(CAMERA, [rp.Frame([region], WORLDS)]),
     "match_regions": lambda region: rp.match_regions(CAMERA, [region], WORLDS),
-    "overlap_errors": lambda region: rp.overlap_errors(CAMERA, [region], WORLDS, POSE),
+    "overlap_errors": lambda region: rp.solve.overlap_errors(CAMERA, [region], WORLDS, POSE),
     "check_alignment": lambda region: rp.check_alignment(PHOTO, POINTS, CAMERA, POSE, regions=[region]),
     "SceneFrame": lambda region: rp.SceneFrame(PHOTO, POINTS, CAMERA, [region]),
     "overlay_regions": lambda region: rp.overlay_regions(PHOTO, CAMERA, POSE, [region], WORLDS),
@@ -53,7 +53,7 @@ TAKE_MASKS: dict[str, Callable[[rp.ImageRegion], object]] = {
     ids=["half", "turned", "cut", "one pixel", "a column less"],
 )
 def test_a_photo_of_another_size_is_refused(
-    take: Callable[[Photo, rp.Camera], object], photo: Photo, found: str
+    take: Callable[[Photo, rp.cameras.Camera], object], photo: Photo, found: str
 ) -> None:
     with pytest.raises(ValueError, match=f"image.*: {found}"):
         take(photo, CAMERA)
@@ -61,9 +61,9 @@ def test_a_photo_of_another_size_is_refused(
 
 def test_each_view_is_compared_with_its_own_camera() -> None:
     small = (PHOTO[::2, ::2], CAMERA.resized(320, 240), POSE)
-    rp.blend_colors(POINTS, [(PHOTO, CAMERA, POSE), small])
+    rp.fusion.blend_colors(POINTS, [(PHOTO, CAMERA, POSE), small])
     with pytest.raises(ValueError, match="image of view 1: found 320 x 240"):
-        rp.blend_colors(POINTS, [(PHOTO, CAMERA, POSE), (small[0], CAMERA, POSE)])
+        rp.fusion.blend_colors(POINTS, [(PHOTO, CAMERA, POSE), (small[0], CAMERA, POSE)])
 
 
 @pytest.mark.parametrize("take", TAKE_MASKS.values(), ids=TAKE_MASKS)

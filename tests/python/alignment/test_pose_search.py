@@ -28,11 +28,13 @@ CAMERAS: dict[str, Camera] = {
     "rational": rp.PinholeCamera(400.0, 400.0, *CENTER, distortion=(0.3, 0.02, 0, 0, 0.1, 0.5, 0.1, 0.01), **SIZE),
     "narrow": rp.PinholeCamera(4000.0, 4000.0, *CENTER, distortion=(-0.5, 0.3, 0.0, 0.0), **SIZE),
     "fisheye": rp.FisheyeCamera(160.0, 161.0, *CENTER, distortion=(0.05, -0.01, 0.002, -0.001), **SIZE),
-    "unified": rp.UnifiedCamera(350.0, 355.0, *CENTER, xi=0.9, distortion=(-0.1, 0.02, 1e-3, -1e-3), **SIZE),
-    "unified, wide": rp.UnifiedCamera(250.0, 250.0, *CENTER, xi=1.3, **SIZE),
-    "fov": rp.FovCamera(300.0, 305.0, *CENTER, omega=0.95, **SIZE),
-    "ocam": rp.OcamCamera((160.0, 0.0, -2.2e-3, 4.8e-6, -2e-8), CENTER, stretch=((1.0, 7e-4), (-4e-4, 1.002)), **SIZE),
-    "equirectangular": rp.EquirectangularCamera(width=WIDTH, height=320),
+    "unified": rp.cameras.UnifiedCamera(350.0, 355.0, *CENTER, xi=0.9, distortion=(-0.1, 0.02, 1e-3, -1e-3), **SIZE),
+    "unified, wide": rp.cameras.UnifiedCamera(250.0, 250.0, *CENTER, xi=1.3, **SIZE),
+    "fov": rp.cameras.FovCamera(300.0, 305.0, *CENTER, omega=0.95, **SIZE),
+    "ocam": rp.cameras.OcamCamera(
+        (160.0, 0.0, -2.2e-3, 4.8e-6, -2e-8), CENTER, stretch=((1.0, 7e-4), (-4e-4, 1.002)), **SIZE
+    ),
+    "equirectangular": rp.cameras.EquirectangularCamera(width=WIDTH, height=320),
 }
 
 RIGHT = np.diag([1e-4] * 3 + [1e-2] * 3)

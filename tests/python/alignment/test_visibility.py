@@ -52,7 +52,7 @@ class Board(NamedTuple):
 WHOLE = Board(WALL, -4.0, 4.0)
 
 
-def occlusion(*parts: Array, world: rp.WorldRegion | None = None, shown: Array = SIGN) -> rp.Occlusion:
+def occlusion(*parts: Array, world: rp.WorldRegion | None = None, shown: Array = SIGN) -> rp.alignment.Occlusion:
     """What points in the camera's axes hide of a region of the world, where the photo shows `shown`."""
     points = POSE.inverse().transform(np.concatenate(parts))
     image = rp.ImageRegion.from_polygon(CAMERA.project(shown))
@@ -122,7 +122,7 @@ def test_a_curved_surface_does_not_hide_itself() -> None:
 
 
 def test_a_region_on_the_seam_of_a_panorama() -> None:
-    camera = rp.EquirectangularCamera(1000, 500)
+    camera = rp.cameras.EquirectangularCamera(1000, 500)
     sign = SIGN * [1.0, 1.0, -1.0]
     pixels = camera.project(sign)
     pixels[pixels[:, 0] < 500.0, 0] += 1000.0

@@ -28,7 +28,9 @@ from regionpose.app.texts import outcome_html
 from regionpose.fusion.colors import project_points
 from regionpose.io.clouds import Cloud, write_ply
 from regionpose.progress import UnwantedError, check_wanted
-from regionpose.scene import SceneError, estimate_scene, load_scene
+from regionpose.scene.document import SceneError
+from regionpose.scene.estimate import estimate_scene
+from regionpose.scene.loading import load_scene
 from regionpose.scene.verdict import verdict
 from regionpose.solve.estimate import Alternative
 

@@ -21,8 +21,8 @@ from regionpose.app.session import Session
 from regionpose.app.texts import outcome_html
 from regionpose.fusion.colors import project_points
 from regionpose.progress import UnwantedError, check_wanted, while_wanted
-from regionpose.scene import Stages
 from regionpose.scene.estimate import with_edges
+from regionpose.scene.stages import Stages
 
 """Seconds that a busy machine may take for what takes one."""
 

@@ -13,7 +13,9 @@ from regionpose.app.frames import Frames, FrameSession
 from regionpose.app.known import Known
 from regionpose.app.session import Session
 from regionpose.cli.pick import _session
-from regionpose.scene import SceneError, Stages, load_scene
+from regionpose.scene.document import SceneError
+from regionpose.scene.loading import load_scene
+from regionpose.scene.stages import Stages
 
 SQUARES = [[[x, 700.0], [x + 60.0, 700.0], [x + 60.0, 780.0], [x, 780.0]] for x in (800.0, 820.0)]
 NOTHING: dict[str, Path | None] = {"--image": None, "--camera": None, "--cloud": None}

@@ -13,7 +13,8 @@ from regionpose.app.known import Known, initial_pose, looking
 from regionpose.app.scene_text import scene_of
 from regionpose.app.session import Session
 from regionpose.cli.known import Known as KnownOptions
-from regionpose.scene import SceneError, load_scene
+from regionpose.scene.document import SceneError
+from regionpose.scene.loading import load_scene
 from regionpose.scene.sensors import sensor_origin
 from regionpose.scene.solver_config import scene_prior
 

@@ -16,9 +16,10 @@ from regionpose.app.session import Session
 from regionpose.app.texts import outcome_html
 from regionpose.datasets.demo import folder
 from regionpose.io.clouds import Cloud, read_cloud
-from regionpose.scene import SceneEstimate, estimate_scene, load_scene
 from regionpose.scene.bundle import read_truth, truth_errors
+from regionpose.scene.estimate import SceneEstimate, estimate_scene
 from regionpose.scene.fit import region_fits, scene_fit
+from regionpose.scene.loading import load_scene
 
 SQUARE = [[100.0, 100.0], [160.0, 100.0], [160.0, 150.0], [100.0, 150.0]]
 

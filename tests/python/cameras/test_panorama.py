@@ -11,17 +11,19 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from regionpose import (
-    EquirectangularCamera,
     Frame,
     ImageRegion,
     Pose,
     WorldRegion,
     estimate_pose,
     estimate_rig,
-    region_from_file,
 )
+from regionpose.cameras import EquirectangularCamera
+from regionpose.io import region_from_file
 from regionpose.io.yaml_text import to_yaml
-from regionpose.scene import SceneError, estimate_scene, load_scene
+from regionpose.scene.document import SceneError
+from regionpose.scene.estimate import estimate_scene
+from regionpose.scene.loading import load_scene
 from regionpose.viz.overlays import overlay_regions, projected_lines
 from scipy.spatial.transform import Rotation
 

@@ -187,7 +187,7 @@ def test_the_demo_finds_its_pose_and_writes_all_files(demo_out: Path) -> None:
 
 def test_the_demos_scene_files_hold_its_seeds() -> None:
     from regionpose.datasets.demo import load
-    from regionpose.scene import load_scene
+    from regionpose.scene.loading import load_scene
 
     seeds, masks = (load_scene(demo_folder() / name).model for name in ("scene.yaml", "scene_masks.yaml"))
     for region, by_seed, by_mask in zip(load().regions, seeds.regions, masks.regions, strict=True):

@@ -14,7 +14,8 @@ from PIL import Image
 from regionpose import Pose
 from regionpose.cli.console import Progress
 from regionpose.io.yaml_text import to_yaml
-from regionpose.scene import SceneError, scene_sides
+from regionpose.scene.document import SceneError
+from regionpose.scene.exposure import scene_sides
 from regionpose.scene.folder import FolderOptions, folder_scene
 from regionpose.scene.paths import moved
 from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH, scene_values

@@ -157,7 +157,7 @@ WORLDS: list[tuple[Callable[[], object], str]] = [
         lambda: rp.WorldRegion.from_scan(with_value(LIFTED, 1e61), [0, 1, 3]),
         "point 2 is .*; needed coordinates of at most",
     ),
-    (lambda: rp.grow_plane(with_value(LIFTED, 1e61), UP), "point 2 is .*; needed coordinates of at most 1.6e"),
+    (lambda: rp.segment.grow_plane(with_value(LIFTED, 1e61), UP), "point 2 is .*; needed coordinates of at most 1.6e"),
     (lambda: POINTS(SQUARE), r"points has shape \(4, 2\); needed \(n, 3\)"),
     (lambda: POINTS(None), "points has type object"),
     (lambda: POINTS([["a", "b", "c"]]), "type <U1"),
@@ -265,9 +265,9 @@ OPTIONS: list[tuple[Callable[[], object], str]] = [
 CAMERAS: list[tuple[Callable[[], object], str]] = [
     (lambda: rp.PinholeCamera(-500.0, 500.0, 0.0, 0.0), "fx: found -500.0; needed a number above 0"),
     (lambda: rp.FisheyeCamera(500.0, 0.0, 0.0, 0.0), "fy: found 0.0; needed a number above 0"),
-    (lambda: rp.UnifiedCamera(np.nan, 1.0, 0.0, 0.0, xi=1.0), "fx: found nan; needed a finite number"),
+    (lambda: rp.cameras.UnifiedCamera(np.nan, 1.0, 0.0, 0.0, xi=1.0), "fx: found nan; needed a finite number"),
     (lambda: rp.PinholeCamera("500", 500.0, 0.0, 0.0), "fx: found '500'; needed a number"),  # type: ignore[arg-type]
-    (lambda: rp.OcamCamera((0.0,), (0.0, 0.0)), "polynomial: found 0.0; needed a first coefficient a0 above 0"),
+    (lambda: rp.cameras.OcamCamera((0.0,), (0.0, 0.0)), "polynomial: found 0.0; needed a first coefficient a0 above 0"),
     (lambda: CAMERA.bearings(SQUARE * 1j), "pixels has type complex128; needed real numbers"),
     (lambda: rp.load_camera(None), "path is a NoneType; needed the path"),  # type: ignore[arg-type]
     (lambda: rp.load_camera(SAMPLES), "found a directory; needed a calibration file"),
@@ -363,8 +363,8 @@ FUNCTIONS: list[Callable[[Any], object]] = [
     lambda value: rp.PinholeCamera(1.0, 1.0, 0.0, 0.0, width=value),
     lambda value: rp.PinholeCamera(1.0, 1.0, 0.0, 0.0, distortion=value),
     lambda value: rp.FisheyeCamera(1.0, 1.0, 0.0, 0.0, distortion=value),
-    lambda value: rp.OcamCamera(value, (0.0, 0.0)),
-    lambda value: rp.UnifiedCamera(1.0, 1.0, 0.0, 0.0, xi=value),
+    lambda value: rp.cameras.OcamCamera(value, (0.0, 0.0)),
+    lambda value: rp.cameras.UnifiedCamera(1.0, 1.0, 0.0, 0.0, xi=value),
     lambda value: rp.estimate_pose(value, [IMAGE], [WORLD]),
     lambda value: rp.estimate_pose(CAMERA, value, [WORLD]),
     lambda value: rp.estimate_pose(CAMERA, [IMAGE], value),

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 import regionpose as rp
-from regionpose import _core, kernels
+from public_names import MODULES, PUBLIC
+from regionpose import _core
 from scipy.spatial.transform import Rotation
 
 UTM = np.array([432_000.0, 5_400_000.0, 120.0])
@@ -89,11 +90,11 @@ def test_what_objects_say_of_themselves() -> None:
     cameras = [
         CAMERA,
         rp.FisheyeCamera(300.0, 301.0, 1.0, 2.0, distortion=(0.1, 0.0, 0.0, 0.0)),
-        rp.UnifiedCamera(300.0, 301.0, 1.0, 2.0, xi=0.9),
-        rp.OcamCamera((300.0, 0.0, -1e-3), (1.0, 2.0)),
+        rp.cameras.UnifiedCamera(300.0, 301.0, 1.0, 2.0, xi=0.9),
+        rp.cameras.OcamCamera((300.0, 0.0, -1e-3), (1.0, 2.0)),
     ]
     for camera in cameras:
-        assert eval(repr(camera), vars(rp)) == camera
+        assert eval(repr(camera), vars(rp.cameras)) == camera
 
 
 @pytest.mark.parametrize("position", ["width", "distortion"])
@@ -114,16 +115,21 @@ def test_cameras_take_by_keyword_what_follows_the_center(position: str) -> None:
     ],
 )
 def test_colmap_and_back(model: str, params: list[float]) -> None:
-    assert rp.camera_to_colmap(rp.camera_from_colmap(model, 640, 480, params)) == (model, 640, 480, params)
+    assert rp.cameras.camera_to_colmap(rp.cameras.camera_from_colmap(model, 640, 480, params)) == (
+        model,
+        640,
+        480,
+        params,
+    )
 
 
 def test_what_colmap_has_not_is_named() -> None:
     with pytest.raises(ValueError, match="model: found 'THIN_PRISM'; needed one of SIMPLE_PINHOLE"):
-        rp.camera_from_colmap("THIN_PRISM", 640, 480, [])
+        rp.cameras.camera_from_colmap("THIN_PRISM", 640, 480, [])
     with pytest.raises(ValueError, match="params: found 3 numbers; needed 4 for PINHOLE"):
-        rp.camera_from_colmap("PINHOLE", 640, 480, [1.0, 1.0, 1.0])
+        rp.cameras.camera_from_colmap("PINHOLE", 640, 480, [1.0, 1.0, 1.0])
     with pytest.raises(ValueError, match="found a UnifiedCamera; needed a pinhole or a fisheye"):
-        rp.camera_to_colmap(rp.UnifiedCamera(1.0, 1.0, 0.0, 0.0, xi=1.0))
+        rp.cameras.camera_to_colmap(rp.cameras.UnifiedCamera(1.0, 1.0, 0.0, 0.0, xi=1.0))
 
 
 def test_poses_are_composed_and_taken_back() -> None:
@@ -188,7 +194,7 @@ def test_overlap_errors_know_the_images_border() -> None:
     from skimage.draw import polygon2mask
 
     mask = polygon2mask((480, 640), seen[:, ::-1])  # type: ignore[no-untyped-call]
-    whole, each = rp.overlap_errors(CAMERA, [rp.ImageRegion.from_mask(mask)], [world()], far)
+    whole, each = rp.solve.overlap_errors(CAMERA, [rp.ImageRegion.from_mask(mask)], [world()], far)
     assert whole == each[0] < 0.02
 
 
@@ -197,13 +203,13 @@ def test_warnings_of_sparse_samples_point_at_the_callers_line() -> None:
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         rp.WorldRegion.from_points(np.column_stack([rows, np.zeros(len(rows))]))
-    assert {warning.category for warning in told} == {rp.SparseSamplingWarning}
+    assert {warning.category for warning in told} == {rp.regions.SparseSamplingWarning}
     assert {Path(warning.filename).name for warning in told} == {Path(__file__).name}
 
 
 def test_warnings_carry_their_regions_and_values() -> None:
     images = [rp.ImageRegion.from_polygon(ring) for ring in (SQUARE, SQUARE + 200.0, SQUARE + 1.0)]
-    (told,) = rp.check_regions(images, [])
+    (told,) = rp.scene.check_regions(images, [])
     assert (told.code, told.regions) == ("coincident-regions", (0, 2))
     assert told.values["side"] == "image" and 0.9 < float(told.values["share"]) < 1.0
 
@@ -211,10 +217,11 @@ def test_warnings_carry_their_regions_and_values() -> None:
 def test_the_document_lists_the_public_names() -> None:
     """Names in docs/reference/api.md, each of which gets its page; and nothing else is handed out."""
     document = (Path(__file__).resolve().parents[3] / "docs" / "reference" / "api.md").read_text(encoding="utf-8")
-    face, kernels_part = document.split("## Kernels")
-    for text, module, unlisted in ((face, rp, {"__version__", "kernels"}), (kernels_part, kernels, set[str]())):
-        named = re.findall(r"^   (\w+)$", text, re.MULTILINE)
-        assert sorted(named) == sorted(set(module.__all__) - unlisted)
+    blocks = re.findall(r"currentmodule:: regionpose\.?(\w*)\n(.*?)```", document, re.DOTALL)
+    listed = {module: re.findall(r"^   (\w+)$", text, re.MULTILINE) for module, text in blocks}
+    expected = {module: [*getattr(rp, module).__all__] for module in MODULES}
+    expected[""] = [name for name in rp.__all__ if name not in (*MODULES, "__version__")]
+    assert {name: sorted(names) for name, names in listed.items()} == {n: sorted(all_) for n, all_ in expected.items()}
     assert {*dir(rp), "__version__"} == set(rp.__all__)
 
 
@@ -283,11 +290,11 @@ def _numbers_of(public: object) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("name", [name for name in rp.__all__ if name not in ("__version__", "kernels")])
+@pytest.mark.parametrize("name", PUBLIC)
 def test_numbers_with_a_unit_say_it_in_their_names(name: str) -> None:
     known = set(" ".join(UNITLESS).split())
     assert [
         each
-        for each in _numbers_of(getattr(rp, name))
+        for each in _numbers_of(PUBLIC[name])
         if not re.search(r"_(m|px|deg|rad|percent)$", each) and each not in known
     ] == []

@@ -32,7 +32,7 @@ class CudaTensor:
         rp.ImageRegion.from_polygon,
         rp.WorldRegion.from_points,
         rp.Cloud.from_points,
-        rp.masks_from_segmenter,
+        rp.io.masks_from_segmenter,
         rp.Pose.from_matrix,
         rp.Pose.identity().transform,
         rp.PinholeCamera(300, 300, 30, 20).project,
@@ -44,13 +44,13 @@ def test_a_tensor_on_a_gpu_is_refused_with_its_own_advice(call: Any) -> None:
 
 
 def test_masks_of_a_predictor_come_by_falling_score() -> None:
-    found = rp.masks_from_segmenter((MASKS, SCORES, np.zeros((3, 10, 15))))
+    found = rp.io.masks_from_segmenter((MASKS, SCORES, np.zeros((3, 10, 15))))
     assert [mask.sum() for mask in found] == [MASKS[index].sum() for index in (1, 2, 0)]
 
 
 def test_the_best_mask_of_each_prompt_is_taken() -> None:
     scores = np.stack([SCORES, SCORES[::-1]])
-    found = rp.masks_from_segmenter((np.stack([MASKS, MASKS]), scores, None))
+    found = rp.io.masks_from_segmenter((np.stack([MASKS, MASKS]), scores, None))
     assert len(found) == 2 and all((mask == MASKS[1]).all() for mask in found)
 
 
@@ -75,11 +75,13 @@ def ultralytics_result(data: Any) -> SimpleNamespace:
     ids=["sam", "stack", "channel", "ultralytics", "ultralytics-list", "supervision", "transformers", "pipeline"],
 )
 def test_masks_are_found_in_what_segmenters_return(output: Any) -> None:
-    assert all((mask == expected).all() for mask, expected in zip(rp.masks_from_segmenter(output), MASKS, strict=True))
+    assert all(
+        (mask == expected).all() for mask, expected in zip(rp.io.masks_from_segmenter(output), MASKS, strict=True)
+    )
 
 
 def test_masks_of_the_networks_size_are_drawn_anew_at_the_photos() -> None:
-    found = rp.masks_from_segmenter(ultralytics_result(np.zeros((3, 32, 32))))
+    found = rp.io.masks_from_segmenter(ultralytics_result(np.zeros((3, 32, 32))))
     assert [mask.shape for mask in found] == [(40, 60)] * 3
     assert all(abs(int(mask.sum()) - int(expected.sum())) < 130 for mask, expected in zip(found, MASKS, strict=True))
 
@@ -87,7 +89,7 @@ def test_masks_of_the_networks_size_are_drawn_anew_at_the_photos() -> None:
 def test_a_map_of_instances_gives_a_mask_for_each() -> None:
     places = np.zeros((40, 60), dtype=np.int32)
     places[5:20], places[25:35] = 7, 9
-    found = rp.masks_from_segmenter({"segmentation": places, "segments_info": [{"id": 7}, {"id": 9}]})
+    found = rp.io.masks_from_segmenter({"segmentation": places, "segments_info": [{"id": 7}, {"id": 9}]})
     assert [int(mask.sum()) for mask in found] == [900, 600]
 
 
@@ -103,7 +105,7 @@ def test_a_map_of_instances_gives_a_mask_for_each() -> None:
 )
 def test_an_output_without_masks_is_refused(output: Any) -> None:
     with pytest.raises(ValueError, match="needed"):
-        rp.masks_from_segmenter(output)
+        rp.io.masks_from_segmenter(output)
 
 
 def test_contours_of_opencv_are_polygons() -> None:
@@ -157,7 +159,7 @@ def test_clouds_and_meshes_of_other_libraries_keep_colors_and_triangles() -> Non
 def test_the_facets_of_a_box_are_its_six_sides_seen_from_outside() -> None:
     box = trimesh.creation.box((3.0, 2.0, 1.0))
     for mesh in (box, rp.Cloud.from_points(box.triangles.reshape(-1, 3), triangles=np.arange(36).reshape(-1, 3))):
-        regions = rp.regions_from_mesh(mesh)  # type: ignore[arg-type]
+        regions = rp.segment.regions_from_mesh(mesh)  # type: ignore[arg-type]
         assert [round(region.area, 9) for region in regions] == [6, 6, 3, 3, 2, 2]
         for region in regions:
             (ring,) = region.rings
@@ -170,22 +172,22 @@ def test_a_plate_with_a_hole_keeps_it_and_an_open_sheet_has_no_side() -> None:
     cells = [5 * row + column for row in range(3) for column in range(4) if (row, column) != (1, 1)]
     faces = [face for one in cells for face in ((one, one + 1, one + 6), (one, one + 6, one + 5))]
     plate = SimpleNamespace(vertices=np.stack([x.ravel(), y.ravel(), 0.0 * x.ravel()], axis=1), faces=np.array(faces))
-    (region,) = rp.regions_from_mesh(plate)
+    (region,) = rp.segment.regions_from_mesh(plate)
     assert sorted(map(len, region.rings)) == [4, 4] and region.area == pytest.approx(11.0) and region.viewpoint is None
-    sheet = rp.regions_from_mesh(Open3DMesh())  # type: ignore[arg-type]
+    sheet = rp.segment.regions_from_mesh(Open3DMesh())  # type: ignore[arg-type]
     assert len(sheet) == 1 and sheet[0].viewpoint is None
 
 
 def test_a_sphere_has_no_facet_of_some_size() -> None:
     sphere = trimesh.creation.icosphere(subdivisions=4)
     with pytest.raises(ValueError, match="facets"):
-        rp.regions_from_mesh(sphere)
+        rp.segment.regions_from_mesh(sphere)
 
 
 def test_triangles_of_vertices_that_are_not_there_are_refused() -> None:
     mesh = SimpleNamespace(vertices=np.eye(3), faces=np.array([[0, 1, 5]]))
     with pytest.raises(ValueError, match="vertices"):
-        rp.regions_from_mesh(mesh)
+        rp.segment.regions_from_mesh(mesh)
 
 
 def test_an_array_in_place_of_a_world_region_is_refused_with_the_constructors() -> None:

@@ -74,7 +74,8 @@ LONG = {
         "while True: rp.kernels.alpha_shape(points, 0.01)"
     ),
     "find_planes": (
-        "points = np.random.default_rng(0).uniform(0.0, 9.0, (900_000, 3))\nready()\nwhile True: rp.find_planes(points)"
+        "points = np.random.default_rng(0).uniform(0.0, 9.0, (900_000, 3))\nready()\n"
+        "while True: rp.segment.find_planes(points)"
     ),
 }
 """Work of minutes, once `ready()` is said."""

@@ -71,7 +71,7 @@ def test_threads_leave_filters_as_they_were(tmp_path: Path) -> None:
 
 def test_a_sparse_outline_is_still_warned_of_after_threads_made_samples() -> None:
     in_threads(sparse)
-    with pytest.warns(rp.SparseSamplingWarning):
+    with pytest.warns(rp.regions.SparseSamplingWarning):
         rp.WorldRegion.from_points(SPARSE)
 
 
@@ -92,7 +92,7 @@ def test_who_asks_is_told_in_the_own_thread_alone() -> None:
     for thread in threads:
         thread.join()
     assert len(told["first"]) >= 1 and not told["second"]
-    with pytest.warns(rp.SparseSamplingWarning):
+    with pytest.warns(rp.regions.SparseSamplingWarning):
         rp.WorldRegion.from_points(SPARSE)
 
 

@@ -21,8 +21,9 @@ from regionpose.io.bags.unfolding import _install
 from regionpose.io.calibrations import load_camera
 from regionpose.io.clouds import CloudError, MissingExtraError, read_cloud
 from regionpose.io.reading import FileError
-from regionpose.scene import load_scene, scene_sides
+from regionpose.scene.exposure import scene_sides
 from regionpose.scene.inputs import input_values
+from regionpose.scene.loading import load_scene
 from regionpose.scene.sensors import read_picture
 from rosbags.highlevel import AnyReader
 from scene_files import scene_values, write_scene

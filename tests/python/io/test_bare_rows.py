@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from regionpose.cli import main
 from regionpose.io.clouds import CloudError, read_cloud
 from regionpose.io.clouds.row_width import FEWEST_VALUES, LEAST_GAIN, row_width
-from regionpose.scene import load_scene
 from regionpose.scene.inputs import named_files
+from regionpose.scene.loading import load_scene
 from regionpose.scene.sensors import scene_cloud
 from scene_files import scene_values, write_scene
 

@@ -13,7 +13,7 @@ from regionpose.io.clouds import read_cloud
 from regionpose.io.json_text import joined_pairs, json_value
 from regionpose.io.masks.readers import masks_from_file
 from regionpose.io.text_error import TextError
-from regionpose.scene import load_scene
+from regionpose.scene.loading import load_scene
 from scene_files import scene_values
 
 SAMPLES = Path(__file__).parents[1] / "samples"

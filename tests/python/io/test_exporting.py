@@ -12,8 +12,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from regionpose import FisheyeCamera, OcamCamera, PinholeCamera, Pose, UnifiedCamera, load_camera
-from regionpose.cameras import Camera
+from regionpose import FisheyeCamera, PinholeCamera, Pose, load_camera
+from regionpose.cameras import Camera, OcamCamera, UnifiedCamera
 from regionpose.cli import main
 from regionpose.io.exports import FORMATS, ExportedView, exported
 from regionpose.io.exports.view import camera_of_values, camera_values

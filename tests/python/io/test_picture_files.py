@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from PIL import Image
 from regionpose.io.masks.readers import coverage_from_file
 from regionpose.io.reading import FileError, read_turn
-from regionpose.scene import SceneError, load_scene, scene_sides
+from regionpose.scene.document import SceneError
+from regionpose.scene.exposure import scene_sides
+from regionpose.scene.loading import load_scene
 from regionpose.scene.sensors import read_picture
 from regionpose.validation.arrays import checked_image, eight_bits
 from scene_files import HEIGHT, WIDTH, scene_values, write_scene
@@ -96,7 +98,7 @@ def test_a_region_grows_alike_in_samples_of_12_and_16_bits() -> None:
     expected = np.zeros((60, 80), dtype=np.bool_)
     expected[20:40, 25:60] = True
     for shift in (0, 4):
-        np.testing.assert_array_equal(rp.grow_image_region(image << np.uint16(shift), (40, 30)), expected)
+        np.testing.assert_array_equal(rp.segment.grow_image_region(image << np.uint16(shift), (40, 30)), expected)
 
 
 @pytest.mark.parametrize("bits", [8, 12, 16])
@@ -125,7 +127,7 @@ def test_photos_and_masks_are_read_as_viewers_show_them(orientation: int, name: 
     expected = SHOWN[orientation](stored)
     np.testing.assert_array_equal(read_picture(path)[..., 0], expected)
     if not name.endswith("webp"):  # Which holds colors, so that 1 is one of them.
-        np.testing.assert_array_equal(rp.mask_from_file(path, 1), expected == 1)
+        np.testing.assert_array_equal(rp.io.mask_from_file(path, 1), expected == 1)
     assert (read_turn(path) is not None) == (expected.shape != stored.shape)
 
 
@@ -156,10 +158,10 @@ def test_a_photo_of_several_is_read_as_its_first_and_is_no_mask(tmp_path: Path) 
     first.save(tmp_path / "phone.jpg", format="MPO", save_all=True, append_images=[second])
     assert np.abs(read_picture(tmp_path / "phone.jpg").astype(int) - 200).max() <= 2
     with pytest.raises(ValueError, match="is a JPEG, which changes the labels"):
-        rp.masks_from_file(tmp_path / "phone.jpg")
+        rp.io.masks_from_file(tmp_path / "phone.jpg")
 
 
-@pytest.mark.parametrize("read", [read_picture, rp.masks_from_file, lambda path: coverage_from_file(path, (48, 64))])
+@pytest.mark.parametrize("read", [read_picture, rp.io.masks_from_file, lambda path: coverage_from_file(path, (48, 64))])
 def test_no_picture_starts_another_program(
     read: Callable[[Path], object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

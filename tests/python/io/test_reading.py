@@ -25,7 +25,9 @@ from regionpose.io.calibrations.poses import read_pose
 from regionpose.io.clouds import CloudError, cloud_from_depth, read_cloud
 from regionpose.io.masks.readers import coverage_from_file, masks_from_file
 from regionpose.io.reading import FileError, read_array, read_json
-from regionpose.scene import SceneError, load_scene, scene_sides
+from regionpose.scene.document import SceneError
+from regionpose.scene.exposure import scene_sides
+from regionpose.scene.loading import load_scene
 from regionpose.scene.sensors import read_picture
 from scene_files import scene_values, write_scene
 
@@ -255,9 +257,10 @@ def test_a_mask_of_shares_counts_as_what_its_region_keeps(tmp_path: Path) -> Non
 OF_ALL_LABELS = """
 import resource, sys
 import regionpose as rp
-rp.masks_from_file, rp.regions_from_file
+rp.io.masks_from_file, rp.io.regions_from_file
 held = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-for read, size in ((rp.masks_from_file, lambda mask: mask.sum()), (rp.regions_from_file, lambda region: region.area)):
+io = rp.io
+for read, size in ((io.masks_from_file, lambda mask: mask.sum()), (io.regions_from_file, lambda region: region.area)):
     print(*(round(size(each)) for each in read(sys.argv[1]).values()))
 print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - held) // 1000)
 """

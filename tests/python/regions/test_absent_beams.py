@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import regionpose as rp
 from numpy.typing import NDArray
-from regionpose.scene import estimate_scene, load_scene
+from regionpose.scene.estimate import estimate_scene
+from regionpose.scene.loading import load_scene
 from scene_files import write_scene
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
@@ -81,7 +82,7 @@ def test_cells_of_an_organized_scan_without_a_point_are_beams(transposed: bool) 
     kept = before_the_sky(ground=False)
     row, column = np.divmod(kept, GRID[1])
     shape, cells = (GRID[::-1], column * GRID[0] + row) if transposed else (GRID, kept)
-    beams = rp.absent_beams(whole().points[kept], [0, 0, 0], grid_shape=shape, grid_indices=cells)
+    beams = rp.regions.absent_beams(whole().points[kept], [0, 0, 0], grid_shape=shape, grid_indices=cells)
     assert len(beams) == GRID[0] * GRID[1] - len(kept)
     np.testing.assert_allclose(np.linalg.norm(beams, axis=1), 1.0)
     assert farthest(beams, kept) < 0.1 * STEP
@@ -91,7 +92,7 @@ def test_cells_of_an_organized_scan_without_a_point_are_beams(transposed: bool) 
 def test_rings_lack_beams_between_their_returns(numbered: bool) -> None:
     kept = before_the_sky(ground=True)
     options: dict[str, Any] = {"rings": kept // GRID[1]} if numbered else {}
-    beams = rp.absent_beams(whole().points[kept], [0, 0, 0], **options)
+    beams = rp.regions.absent_beams(whole().points[kept], [0, 0, 0], **options)
     # Rings that saw nothing but the sky say nothing, the others almost all.
     seen = np.unique(kept // GRID[1])
     lacking = len(seen) * GRID[1] - len(kept)
@@ -102,22 +103,22 @@ def test_rings_lack_beams_between_their_returns(numbered: bool) -> None:
 
 def test_scanners_may_be_tilted_where_they_have_a_grid() -> None:
     kept, turn = before_the_sky(ground=False), Rotation.from_euler("xyz", [20.0, -30.0, 70.0], degrees=True)
-    beams = rp.absent_beams(turn.apply(whole().points[kept]), [0, 0, 0], grid_shape=GRID, grid_indices=kept)
+    beams = rp.regions.absent_beams(turn.apply(whole().points[kept]), [0, 0, 0], grid_shape=GRID, grid_indices=kept)
     assert len(beams) == GRID[0] * GRID[1] - len(kept)
     assert farthest(turn.inv().apply(beams), kept) < 0.1 * STEP
 
 
 def test_what_is_in_no_order_lacks_no_beam() -> None:
     kept = np.random.default_rng(0).permutation(before_the_sky(ground=True))
-    assert len(rp.absent_beams(whole().points[kept], [0, 0, 0])) == 0
+    assert len(rp.regions.absent_beams(whole().points[kept], [0, 0, 0])) == 0
     # A depth camera's rows are no rings.
     x, y = np.meshgrid(np.linspace(-0.5, 0.5, 64), np.linspace(-0.4, 0.4, 48))
     ways = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=1)
     seen = np.delete(np.arange(x.size), np.arange(1000, 1100))
     depths = 2.0 * ways[seen]
-    assert len(rp.absent_beams(depths, [0, 0, 0], grid_shape=(48, 64), grid_indices=seen)) == 0
-    assert len(rp.absent_beams([[1.0, 0.0, 0.0]], [0, 0, 0])) == 0
-    assert len(rp.absent_beams(whole().points, [0, 0, 0])) == 0, "of a scan that lacks none"
+    assert len(rp.regions.absent_beams(depths, [0, 0, 0], grid_shape=(48, 64), grid_indices=seen)) == 0
+    assert len(rp.regions.absent_beams([[1.0, 0.0, 0.0]], [0, 0, 0])) == 0
+    assert len(rp.regions.absent_beams(whole().points, [0, 0, 0])) == 0, "of a scan that lacks none"
 
 
 @pytest.mark.parametrize("ground", [False, True])
@@ -125,7 +126,7 @@ def test_boards_before_the_sky_are_known_by_beams_without_a_return(ground: bool)
     kept = before_the_sky(ground)
     points = whole().points[kept]
     options: dict[str, Any] = {} if ground else {"grid_shape": GRID, "grid_indices": kept}
-    estimate = estimated(kept, rp.absent_beams(points, [0, 0, 0], **options))
+    estimate = estimated(kept, rp.regions.absent_beams(points, [0, 0, 0], **options))
     turn, shift = errors(estimate.pose)
     # With all that lies behind them: 0.14 deg, 19 mm.
     assert turn < 0.2 and shift < 0.03
@@ -191,11 +192,11 @@ def test_a_scene_counts_them(tmp_path: Path) -> None:
 def test_bad_beams_are_refused() -> None:
     points = whole().points[:100]
     with pytest.raises(ValueError, match=r"rings has shape \(3,\)"):
-        rp.absent_beams(points, [0, 0, 0], rings=[1, 2, 3])
+        rp.regions.absent_beams(points, [0, 0, 0], rings=[1, 2, 3])
     with pytest.raises(ValueError, match=r"grid_indices has shape"):
-        rp.absent_beams(points, [0, 0, 0], grid_shape=(10, 10), grid_indices=[[1]])
+        rp.regions.absent_beams(points, [0, 0, 0], grid_shape=(10, 10), grid_indices=[[1]])
     with pytest.raises(ValueError, match="99"):
-        rp.absent_beams(points, [0, 0, 0], grid_shape=(5, 5), grid_indices=np.arange(100))
+        rp.regions.absent_beams(points, [0, 0, 0], grid_shape=(5, 5), grid_indices=np.arange(100))
     with pytest.raises(ValueError, match="absent_beams direction 1 is zero"):
         ways = np.eye(3)[:2] * [[1.0], [0.0]]
         rp.WorldRegion.from_scan(points, [0, 1, 2], sensor_origin=[0, 0, 0], absent_beams=ways)

@@ -14,7 +14,10 @@ import shapely
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose.cameras import Camera
-from regionpose.scene import SceneError, estimate_scene, load_scene, scene_result
+from regionpose.scene.document import SceneError
+from regionpose.scene.estimate import estimate_scene
+from regionpose.scene.loading import load_scene
+from regionpose.scene.result import scene_result
 from regionpose.solve.contours import contours_of
 from scene_files import CAMERA as SMALL_CAMERA
 from scene_files import PLATES, scene_values, write_scene

@@ -143,7 +143,7 @@ def test_a_mask_keeps_its_window_alone() -> None:
 @given(arrays(np.bool_, st.tuples(st.integers(1, 20), st.integers(1, 20))))
 def test_a_binary_window_hands_out_what_it_was_given(given_window: NDArray[np.bool_]) -> None:
     rows, columns = given_window.shape
-    window = rp.MaskWindow(given_window, (3, 2), (rows + 5, columns + 4))
+    window = rp.regions.MaskWindow(given_window, (3, 2), (rows + 5, columns + 4))
     assert window.coverage.dtype == np.bool_ and not window.coverage.flags.writeable
     np.testing.assert_array_equal(window.coverage, given_window)
     np.testing.assert_array_equal(window.full()[2 : 2 + rows, 3 : 3 + columns], given_window)
@@ -153,7 +153,7 @@ def test_a_binary_window_hands_out_what_it_was_given(given_window: NDArray[np.bo
 @pytest.mark.parametrize("offset", [(-1, 0), (0, 7), (9, 0)])
 def test_a_window_that_leaves_its_image_is_refused(offset: tuple[int, int]) -> None:
     with pytest.raises(ValueError, match=r"leaves the image of shape \(10, 12\); needed one inside"):
-        rp.MaskWindow(np.ones((4, 4), dtype=np.bool_), offset, (10, 12))
+        rp.regions.MaskWindow(np.ones((4, 4), dtype=np.bool_), offset, (10, 12))
 
 
 LAYOUTS: dict[str, Callable[[NDArray[np.bool_]], ArrayLike]] = {
@@ -279,8 +279,10 @@ def test_one_array_a_list_of_vertices_and_a_stack_are_rings() -> None:
 CAMERAS = [
     rp.PinholeCamera(300.0, 305.0, 320.0, 240.0, width=640, height=480, distortion=(-0.3, 0.1, 1e-3, -2e-3)),
     rp.FisheyeCamera(180.0, 181.0, 320.0, 240.0, distortion=(0.02, -0.003, 0.0, 0.0), width=640, height=480),
-    rp.OcamCamera((200.0, 0.0, -1.1e-3, 1.2e-6), (320.0, 240.0), width=640, height=480),
-    rp.UnifiedCamera(400.0, 400.0, 320.0, 240.0, xi=1.2, distortion=(-0.1, 0.02, 1e-3, 0.0), width=640, height=480),
+    rp.cameras.OcamCamera((200.0, 0.0, -1.1e-3, 1.2e-6), (320.0, 240.0), width=640, height=480),
+    rp.cameras.UnifiedCamera(
+        400.0, 400.0, 320.0, 240.0, xi=1.2, distortion=(-0.1, 0.02, 1e-3, 0.0), width=640, height=480
+    ),
 ]
 
 

@@ -11,12 +11,13 @@ from pathlib import Path
 
 import pytest
 import regionpose as rp
+from public_names import PUBLIC
 
 PACKAGE = Path(rp.__file__).parent
 MAIN_METHODS = (
-    "Camera.bearings",
-    "Camera.project",
-    "Camera.resized",
+    "cameras.Camera.bearings",
+    "cameras.Camera.project",
+    "cameras.Camera.resized",
     "Cloud.from_points",
     "ImageRegion.from_mask",
     "ImageRegion.from_polygon",
@@ -34,15 +35,19 @@ MAIN_METHODS = (
 )
 """Methods that README's main path goes through."""
 
-BARE = {"Camera", "WorldRegion"}
+BARE = {"Camera", "Scene", "WorldRegion"}
 """Classes that are made by subclasses or by their methods."""
 
 
 def documented() -> Iterator[str]:
     """Public functions and classes with parameters, and the main methods."""
-    for name in rp.__all__:
-        value = getattr(rp, name)
-        if callable(value) and name not in BARE and not issubclass_of(value, (Exception, Warning)):
+    for name, value in PUBLIC.items():
+        if (
+            callable(value)
+            and not name.startswith("kernels.")
+            and name.split(".")[-1] not in BARE
+            and not issubclass_of(value, (Exception, Warning))
+        ):
             yield name
     yield from MAIN_METHODS
 

@@ -20,9 +20,14 @@ from regionpose.alignment import pose_search
 from regionpose.io.clouds import Cloud, write_ply
 from regionpose.io.yaml_text import to_yaml
 from regionpose.progress import UnwantedError, while_wanted
-from regionpose.scene import SceneData, SceneError, Stages, estimate_scene, load_scene, scene_result
 from regionpose.scene.bundle import bundle, file_names
+from regionpose.scene.document import SceneError
+from regionpose.scene.estimate import estimate_scene
+from regionpose.scene.exposure import SceneData
 from regionpose.scene.folder import FolderOptions, pair_scene
+from regionpose.scene.loading import load_scene
+from regionpose.scene.result import scene_result
+from regionpose.scene.stages import Stages
 from regionpose.scene.verdict import DOUBTFUL, verdict
 from scene_files import PLATES
 from scene_files import write_scene as write_plates

@@ -15,8 +15,7 @@ from commands import run
 from made_up_worlds import CAMERA, World, made_world
 from numpy.typing import NDArray
 from regionpose.alignment import pose_search
-from regionpose.scene import load_scene
-from regionpose.scene.loading import Scene
+from regionpose.scene.loading import Scene, load_scene
 
 PHOTOS, CLOUDS, INFO = "/rig/front/image_raw", "/lidar/points", "/rig/front/camera_info"
 STANDS_S = ((0.0, 2.0), (5.0, 6.0))

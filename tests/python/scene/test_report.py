@@ -11,8 +11,11 @@ import numpy as np
 import pytest
 from markupsafe import escape
 from PIL import Image
-from regionpose.scene import SceneError, SceneEstimate, estimate_scene, load_scene, scene_result
+from regionpose.scene.document import SceneError
+from regionpose.scene.estimate import SceneEstimate, estimate_scene
+from regionpose.scene.loading import load_scene
 from regionpose.scene.report import Figure, Report, data_url, report_html
+from regionpose.scene.result import scene_result
 from regionpose.viz.splat import BACKGROUND, Viewpoint, splatted, viewpoints
 from scene_files import scene_values, write_scene
 
@@ -167,8 +170,8 @@ def test_views_work_without_points_and_straight_from_above() -> None:
 
 
 def test_the_report_is_written_beside_the_result(tmp_path: Path, run: SceneEstimate) -> None:
-    from regionpose.scene import Stages
     from regionpose.scene.bundle import bundle
+    from regionpose.scene.stages import Stages
 
     made = bundle(run, Stages())
     made.writers["report.html"](tmp_path / "report.html")

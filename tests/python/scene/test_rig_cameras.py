@@ -17,7 +17,7 @@ from regionpose.alignment import pose_search
 from regionpose.cli.console import Progress
 from regionpose.io.clouds import Cloud, write_ply
 from regionpose.io.yaml_text import to_yaml
-from regionpose.scene import load_scene
+from regionpose.scene.loading import load_scene
 
 LENS = "1 PINHOLE 480 320 260 260 240 160\n"
 HEADINGS_DEG = {"front": 10.0, "left": 100.0}

@@ -16,8 +16,11 @@ from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
 from regionpose.cli.app import main
 from regionpose.datasets import demo as demo_scene
 from regionpose.io.yaml_text import plain_value, to_yaml, yaml_node
-from regionpose.scene import SceneError, estimate_scene, load_scene, scene_sides
+from regionpose.scene.document import SceneError
+from regionpose.scene.estimate import estimate_scene
+from regionpose.scene.exposure import scene_sides
 from regionpose.scene.input_checks import check_camera, unit_remark
+from regionpose.scene.loading import load_scene
 from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH, scene_values, write_scene
 
 DEMO = Path(demo_scene.__file__).parent / "files"
@@ -178,7 +181,9 @@ def calibration(folder: Path, **more: object) -> Path:
         ({"fisheye": False}, AS_PINHOLE),
         (
             {"xi": 1.2},
-            rp.UnifiedCamera(310, 311, 512, 384, xi=1.2, distortion=(2e-2, -4e-3, 1e-3, -2e-4), width=1024, height=768),
+            rp.cameras.UnifiedCamera(
+                310, 311, 512, 384, xi=1.2, distortion=(2e-2, -4e-3, 1e-3, -2e-4), width=1024, height=768
+            ),
         ),
     ],
 )
@@ -294,7 +299,7 @@ def test_a_world_in_millimeters_is_told_with_the_factor(tmp_path: Path) -> None:
 def test_a_cloud_in_millimeters_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The demo's, in a scene and alone."""
     cloud = rp.read_cloud(DEMO / "cloud.ply")
-    rp.write_ply(tmp_path / "cloud.ply", replace(cloud, local_points=1000.0 * cloud.local_points))
+    rp.io.write_ply(tmp_path / "cloud.ply", replace(cloud, local_points=1000.0 * cloud.local_points))
     values = plain_value(yaml_node((DEMO / "scene.yaml").read_text()))
     values |= {"camera": str(DEMO / values["camera"]), "image": str(DEMO / values["image"]), "cloud": "cloud.ply"}
     values.pop("sensor_origin", None)
@@ -378,7 +383,7 @@ def test_two_world_regions_of_one_place_are_named() -> None:
     plate = PLATES["wall"]
     image = [rp.ImageRegion.from_polygon(CAMERA.project(POSE.transform(each))) for each in PLATES.values()]
     turned = np.roll(plate[::-1], 2, axis=0) + np.array([0.0, 0.0, 0.004])
-    (warning,) = rp.check_regions(image, [rp.WorldRegion.from_polygon(ring) for ring in (plate, turned)])
+    (warning,) = rp.scene.check_regions(image, [rp.WorldRegion.from_polygon(ring) for ring in (plate, turned)])
     assert "on the world side region 0 and region 1 are the same" in warning.message
 
 
@@ -387,7 +392,7 @@ def test_a_parallel_plate_and_a_framed_one_are_other_regions() -> None:
     image = [rp.ImageRegion.from_polygon(CAMERA.project(POSE.transform(each))) for each in PLATES.values()]
     middle = plate.mean(axis=0)
     for other in (plate + np.array([0.0, 0.0, 0.3]), middle + 0.9 * (plate - middle)):
-        assert rp.check_regions(image, [rp.WorldRegion.from_polygon(ring) for ring in (plate, other)]) == ()
+        assert rp.scene.check_regions(image, [rp.WorldRegion.from_polygon(ring) for ring in (plate, other)]) == ()
 
 
 @pytest.mark.parametrize(
@@ -402,7 +407,7 @@ def test_a_parallel_plate_and_a_framed_one_are_other_regions() -> None:
 def test_a_mask_that_leaked_is_named(rows: slice, columns: slice, said: str | None) -> None:
     mask = np.zeros((100, 100), dtype=bool)
     mask[rows, columns] = True
-    found = rp.check_regions([rp.ImageRegion.from_mask(mask)], [rp.WorldRegion.from_polygon(PLATES["wall"])])
+    found = rp.scene.check_regions([rp.ImageRegion.from_mask(mask)], [rp.WorldRegion.from_polygon(PLATES["wall"])])
     if said is None:
         assert found == ()
     else:
@@ -425,8 +430,8 @@ def test_a_seed_in_the_air_is_refused() -> None:
     side = np.arange(0.0, 10.0, 0.1)
     wall = np.stack(np.meshgrid(side, [0.0], side), axis=-1).reshape(-1, 3)
     with pytest.raises(ValueError, match=r"is 3 m from the nearest point .*; needed a seed on a surface of the cloud"):
-        rp.grow_plane(wall, [5.0, 3.0, 5.0])
-    assert len(rp.grow_plane(wall, [5.03, 0.02, 5.03])) == len(wall)
+        rp.segment.grow_plane(wall, [5.0, 3.0, 5.0])
+    assert len(rp.segment.grow_plane(wall, [5.03, 0.02, 5.03])) == len(wall)
 
 
 @pytest.mark.skipif(not SHARED.exists(), reason="the shared scenes are not here")
@@ -435,4 +440,4 @@ def test_a_seed_in_the_air_of_a_real_scan_is_refused(frame: str) -> None:
     points = np.fromfile(SHARED / frame / "points.bin", "<f4").reshape(-1, 4)[:, :3]
     for seed in ([70, -20, 30], [10, 5, 20]):
         with pytest.raises(ValueError, match="needed a seed on a surface of the cloud"):
-            rp.grow_plane(points, seed)
+            rp.segment.grow_plane(points, seed)

@@ -10,18 +10,14 @@ import pytest
 import regionpose as rp
 import shapely
 from PIL import Image
-from regionpose.scene import (
-    SceneError,
-    Stages,
-    estimate_scene,
-    load_scene,
-    paths,
-    scene_result,
-    scene_schema,
-    scene_sides,
-)
+from regionpose.scene import paths
 from regionpose.scene.bundle import bundle, file_names
-from regionpose.scene.result import exports, plain
+from regionpose.scene.document import SceneError
+from regionpose.scene.estimate import estimate_scene
+from regionpose.scene.exposure import scene_sides
+from regionpose.scene.loading import load_scene, scene_schema
+from regionpose.scene.result import exports, plain, scene_result
+from regionpose.scene.stages import Stages
 from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH, scene_values, write_scene
 from scipy.spatial.transform import Rotation
 

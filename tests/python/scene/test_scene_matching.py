@@ -15,7 +15,10 @@ from regionpose.datasets.demo import folder as demo_folder
 from regionpose.io.yaml_text import plain_value, to_yaml, yaml_node
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
-from regionpose.scene import SceneError, estimate_scene, load_scene, scene_result
+from regionpose.scene.document import SceneError
+from regionpose.scene.estimate import estimate_scene
+from regionpose.scene.loading import load_scene
+from regionpose.scene.result import scene_result
 from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH, scene_values, write_scene
 
 SIDES = {"image": "image_regions", "world": "world_regions"}

@@ -8,7 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 import regionpose as rp
-from regionpose.scene import SceneError, estimate_scene, load_scene, scene_result
+from regionpose.scene.document import SceneError
+from regionpose.scene.estimate import estimate_scene
+from regionpose.scene.loading import load_scene
+from regionpose.scene.result import scene_result
 from regionpose.scene.verdict import ADVICE, verdict
 from scene_files import CAMERA, POSE, scene_values, write_scene
 from scipy.spatial.transform import Rotation

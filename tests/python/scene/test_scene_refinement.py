@@ -15,9 +15,11 @@ from PIL import Image
 from regionpose.geometry.units import length_text
 from regionpose.io.clouds import Cloud, write_ply
 from regionpose.io.yaml_text import to_yaml
-from regionpose.scene import SceneEstimate, Stages, estimate_scene, load_scene
 from regionpose.scene.bundle import bundle
 from regionpose.scene.document import SceneError
+from regionpose.scene.estimate import SceneEstimate, estimate_scene
+from regionpose.scene.loading import load_scene
+from regionpose.scene.stages import Stages
 from regionpose.scene.verdict import DOUBTFUL, verdict
 from scene_files import scene_values, write_scene
 

@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from regionpose.io.clouds import Cloud, write_ply
-from regionpose.scene import estimate_scene, load_scene, scene_result, scene_sides
+from regionpose.scene.estimate import estimate_scene
+from regionpose.scene.exposure import scene_sides
+from regionpose.scene.loading import load_scene
 from regionpose.scene.region_sides import WorldSide
+from regionpose.scene.result import scene_result
 from scene_files import PLATES, POSE, scene_values, write_scene
 
 from benchmarks.synthetic.lidar import lidar_scan

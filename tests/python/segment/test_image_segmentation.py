@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from regionpose import ImageRegion, grow_image_region
+from regionpose import ImageRegion
+from regionpose.segment import grow_image_region
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

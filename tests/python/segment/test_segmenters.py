@@ -14,7 +14,8 @@ from commands import run
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose.cli import main
-from regionpose.scene import load_scene, scene_sides
+from regionpose.scene.exposure import scene_sides
+from regionpose.scene.loading import load_scene
 from regionpose.segment.segmenters import PredictorSegmenter, load_segmenter, segmented
 from scene_files import scene_values, write_scene
 

@@ -67,7 +67,7 @@ def seen(ring: Array) -> rp.ImageRegion:
     return rp.ImageRegion.from_polygon(CAMERA.project(TRUE.transform(ring)))
 
 
-def matched(seen_rings: Sequence[Array], rings: Sequence[Array], up: Array | None = None) -> rp.RegionMatches:
+def matched(seen_rings: Sequence[Array], rings: Sequence[Array], up: Array | None = None) -> rp.solve.RegionMatches:
     """The matches of rings seen and rings known on the facade."""
     images, worlds = [seen(ring) for ring in seen_rings], [rp.WorldRegion.from_polygon(ring) for ring in rings]
     return rp.match_regions(CAMERA, images, worlds, prior=rp.Prior(up=up))
@@ -265,7 +265,7 @@ def test_the_number_of_threads_changes_nothing() -> None:
 def test_iterators_are_taken_and_the_result_is_plain_and_frozen() -> None:
     ring = facade_letter()
     found = rp.match_regions(CAMERA, iter([seen(ring)]), iter([rp.WorldRegion.from_polygon(ring)]))  # type: ignore[arg-type]
-    assert isinstance(found, rp.RegionMatches) and isinstance(found.estimate, rp.PoseEstimate)
+    assert isinstance(found, rp.solve.RegionMatches) and isinstance(found.estimate, rp.PoseEstimate)
     assert all(type(index) is int for pair in found.pairs for index in pair)
     with pytest.raises(dataclasses.FrozenInstanceError):
         found.pairs = ()  # type: ignore[misc]

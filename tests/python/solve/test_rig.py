@@ -371,7 +371,7 @@ def test_bad_input_is_named(frames: Callable[[rp.Frame], object], options: dict[
 
 def test_other_cameras_are_not_refined() -> None:
     _, frames = fisheye_frames(0, 1)
-    camera = rp.UnifiedCamera(750.0, 750.0, 1187.5, 791.5, xi=0.5)
+    camera = rp.cameras.UnifiedCamera(750.0, 750.0, 1187.5, 791.5, xi=0.5)
     with pytest.raises(
         ValueError, match="camera is a UnifiedCamera; a PinholeCamera or a FisheyeCamera can be refined"
     ):

@@ -60,9 +60,24 @@ class PoseFile:
         return None if self.kind in {MATRIX, RESULT} else f"{self.kind}: {self.convention}"
 
 
-def read_pose(path: Path, source: PoseSource | None = None) -> Pose:
-    """The pose camera_from_world of a file; errors as of `read_pose_file`."""
-    return read_pose_file(path, source).pose
+def read_pose(path: str | Path, source: PoseSource | None = None) -> Pose:
+    """The pose `camera_from_world` of a file of this or another tool (docs/reference/calibrations.md).
+
+    Parameters
+    ----------
+    path : str or Path
+        Of the file.
+    source : PoseSource, optional
+        Which of several poses: the camera's name, its calibration file, or its photo.
+
+    Raises
+    ------
+    FileNotFoundError
+        Where it is missing.
+    ValueError
+        Where it holds no pose, several to choose from, or one whose direction or order of numbers it does not say.
+    """
+    return read_pose_file(Path(path), source).pose
 
 
 def read_pose_file(path: Path, source: PoseSource | None = None) -> PoseFile:

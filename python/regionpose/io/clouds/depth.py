@@ -46,12 +46,30 @@ def cloud_from_depth(
 ) -> Cloud:
     """The points that a depth image (h, w) shows, in the camera frame and in meters.
 
-    The pixel (u, v) with the bearing `r` and the depth `d` is the point `d r / r_z` for `distance="z"`, the depth along
-    the optical axis, and `d r` for `"range"`, the length of the ray. `depth` is an array or an image file of 16-bit
-    integers or floats; its values times `unit_m` are meters (1/5000 for TUM, 1/256 for KITTI's depth maps), which
-    integers need and floats take as 1. `colors` (h, w, 3) are the pixels'. Pixels without a measurement (zero,
-    negative, NaN or infinite) or without a ray (for z: none ahead of the camera) are dropped. CloudError for other
-    shapes, an image size other than the camera's, and where nothing is left; FileNotFoundError.
+    The pixel (u, v) with the bearing `r` and the depth `d` is the point `d r / r_z` for `distance="z"`, and `d r` for
+    `"range"`. Pixels without a measurement (zero, negative, NaN or infinite) or without a ray (for z: none ahead of the
+    camera) are dropped.
+
+    Parameters
+    ----------
+    depth : (h, w) array, str or Path
+        Or an image file of 16-bit integers or floats.
+    camera : DepthCamera
+        Of the depth image; every camera of this package is one.
+    unit_m : float, optional
+        Meters of one unit of the values (1/5000 for TUM, 1/256 for KITTI's depth maps); integers need it, floats take
+        1.
+    distance : {"z", "range"}
+        Whether values are depths along the optical axis, or lengths of rays.
+    colors : (h, w, 3) array, optional
+        The pixels'.
+
+    Raises
+    ------
+    CloudError
+        A ValueError, for other shapes, an image size other than the camera's, and where nothing is left.
+    FileNotFoundError
+        Where the file is missing.
     """
     source = Path(depth) if isinstance(depth, str | Path) else None
     values = _image(source) if source is not None else np.asarray(depth)
