@@ -268,7 +268,7 @@ fn with_samples(random: &mut Random, world: WorldRegion) -> WorldRegion {
         let place = lower + (upper - lower).component_mul(&nalgebra::Vector2::new(x, y));
         let labeled = world.outline().contains(place) != once_in(random, 20);
         let side = if labeled { &mut inside } else { &mut outside };
-        side.push(world.frame().lifted(&place));
+        side.push(world.frame().to_world(&place));
     }
     world.clone().with_samples(&inside, &outside).unwrap_or(world)
 }

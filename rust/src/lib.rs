@@ -73,16 +73,16 @@ pub use geometry::rings::PlaneRings;
 pub use math::gaussian::Gaussian;
 pub use nalgebra;
 pub use options::{FrameSigma, Limits, Options, Refinement, Start};
-pub use prior::{FromInitial, FromNear, FromUp, PoseSigma, Prior};
+pub use prior::{InitialDeviation, PlaceDeviation, PoseSigma, Prior, UpDeviation};
 pub use problem::Problem;
 pub use region::samples::Samples;
 pub use region::{ObservedRegion, Pixels, PlaneFrame, Surface, WorldRegion};
 pub use samples::posterior::Posterior;
 pub use search::Search;
-pub use verdict::confidence::{Evidence, Shown};
+pub use verdict::confidence::{Evidence, EvidenceSource};
 pub use verdict::estimate::Estimate;
 pub use verdict::solution::Solution;
-pub use verdict::warning::{Cause, Warning, Way};
+pub use verdict::warning::{Cause, RelativePose, Warning};
 
 /// What the tests, benchmarks and bindings of this repository use beside the public interface; no promise is made of it.
 #[doc(hidden)]

@@ -1,4 +1,4 @@
-//! What is known of a pose beforehand, and how far a pose is from it (`docs/math.md`, section 10).
+//! Gaussian priors on a pose, and the Mahalanobis distance of a pose from them (`docs/math.md`, section 10).
 
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
 
@@ -15,10 +15,10 @@ pub const NEAR_SIGMA: f64 = 2.0;
 
 /// Squared distance, in variances, that counts at most against a pose (ten standard deviations): a prior may itself be
 /// wrong, and what fits better by more stands in spite of it.
-pub const BELIEVED: f64 = 100.0;
+pub const MAX_PENALTY: f64 = 100.0;
 
 /// Squared distance, in variances, beyond which a pose contradicts what was known: five standard deviations.
-const CONTRADICTED: f64 = 25.0;
+const CONTRADICTION: f64 = 25.0;
 
 /// Rotation, rad, beyond which a pose contradicts an initial one without an uncertainty: no rough pose is this rough.
 const FAR: f64 = std::f64::consts::FRAC_PI_4;
@@ -32,7 +32,7 @@ pub struct PoseSigma {
     pub place: f64,
 }
 
-/// What is known of the pose beforehand: it adds starts, and decides between poses that fit about alike.
+/// A prior on the pose: it adds starts, and decides between poses that fit about alike.
 ///
 /// ```
 /// # use nalgebra::Vector3;
@@ -70,7 +70,7 @@ pub struct Prior {
 
 /// How far a pose is from the initial one.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FromInitial {
+pub struct InitialDeviation {
     /// Rotation, rad.
     pub rotation: f64,
     /// Distance between the two places of the camera, meters.
@@ -79,42 +79,42 @@ pub struct FromInitial {
     pub sigmas: Option<f64>,
 }
 
-impl FromInitial {
+impl InitialDeviation {
     /// Whether the pose is not where the initial one says.
     pub fn is_contradiction(&self) -> bool {
-        self.sigmas.map_or(self.rotation > FAR, |sigmas| sigmas * sigmas > CONTRADICTED)
+        self.sigmas.map_or(self.rotation > FAR, |sigmas| sigmas * sigmas > CONTRADICTION)
     }
 }
 
 /// How far the up direction is from the image's.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FromUp {
+pub struct UpDeviation {
     /// Angle, rad.
     pub angle: f64,
     /// The same in standard deviations of prior and pose together.
     pub sigmas: f64,
 }
 
-impl FromUp {
+impl UpDeviation {
     /// Whether up is not where the prior says.
     pub fn is_contradiction(&self) -> bool {
-        self.sigmas * self.sigmas > CONTRADICTED
+        self.sigmas * self.sigmas > CONTRADICTION
     }
 }
 
 /// How far the camera is from the place that it stands near.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FromNear {
+pub struct PlaceDeviation {
     /// Distance, meters.
     pub place: f64,
     /// The same in standard deviations of prior and pose together.
     pub sigmas: f64,
 }
 
-impl FromNear {
+impl PlaceDeviation {
     /// Whether the camera is not where the prior says.
     pub fn is_contradiction(&self) -> bool {
-        self.sigmas * self.sigmas > CONTRADICTED
+        self.sigmas * self.sigmas > CONTRADICTION
     }
 }
 
@@ -165,18 +165,18 @@ impl Prior {
 
     /// The most that it counts against a pose, in variances.
     #[doc(hidden)]
-    pub fn most(&self) -> f64 {
+    pub fn max_penalty(&self) -> f64 {
         let terms = [self.up.is_some(), self.rough().is_some(), self.near.is_some()];
-        terms.into_iter().filter(|given| *given).count() as f64 * BELIEVED
+        terms.into_iter().filter(|given| *given).count() as f64 * MAX_PENALTY
     }
 
     /// What counts against a pose with this covariance of its left increment, in variances (`docs/math.md`, eq. 10.5).
     #[doc(hidden)]
     pub fn penalty(&self, pose: &Pose, covariance: &Matrix6<f64>) -> f64 {
-        let initial = self.from_initial(pose, covariance).and_then(|from| from.sigmas);
-        let up = self.from_up(pose, covariance).map(|from| from.sigmas);
-        let near = self.from_near(pose, covariance).map(|from| from.sigmas);
-        [initial, up, near].into_iter().flatten().map(|sigmas| (sigmas * sigmas).min(BELIEVED)).sum()
+        let initial = self.initial_deviation(pose, covariance).and_then(|from| from.sigmas);
+        let up = self.up_deviation(pose, covariance).map(|from| from.sigmas);
+        let near = self.place_deviation(pose, covariance).map(|from| from.sigmas);
+        [initial, up, near].into_iter().flatten().map(|sigmas| (sigmas * sigmas).min(MAX_PENALTY)).sum()
     }
 
     /// All that it says as one Gaussian factor of the left increment of a pose (`docs/math.md`, eq. 10.7).
@@ -202,7 +202,7 @@ impl Prior {
     }
 
     /// How far a pose is from the initial one; `None` without one.
-    pub fn from_initial(&self, pose: &Pose, covariance: &Matrix6<f64>) -> Option<FromInitial> {
+    pub fn initial_deviation(&self, pose: &Pose, covariance: &Matrix6<f64>) -> Option<InitialDeviation> {
         // Its translation is as long as the camera's way.
         let increment = pose.increment_to(self.initial.as_ref()?);
         let (turn, shift) = (increment.fixed_rows::<3>(0).norm(), increment.fixed_rows::<3>(3).norm());
@@ -210,7 +210,7 @@ impl Prior {
             let [r, t] = [sigma.rotation, sigma.place].map(|deviation| deviation * deviation);
             mahalanobis(&increment, &(Matrix6::from_diagonal(&Vector6::new(r, r, r, t, t, t)) + covariance))
         });
-        Some(FromInitial { rotation: turn, place: shift, sigmas })
+        Some(InitialDeviation { rotation: turn, place: shift, sigmas })
     }
 
     /// The rotation vector of the least turn that brings up to the image's up, and where up is seen, a unit vector.
@@ -223,22 +223,22 @@ impl Prior {
     }
 
     /// How far the up direction is from the image's; `None` without one.
-    pub fn from_up(&self, pose: &Pose, covariance: &Matrix6<f64>) -> Option<FromUp> {
+    pub fn up_deviation(&self, pose: &Pose, covariance: &Matrix6<f64>) -> Option<UpDeviation> {
         let (turn, _) = self.turn_to_up(pose)?;
         let (angle, deviation) = (turn.norm(), self.up_sigma.unwrap_or(UP_SIGMA));
         // The pose's own uncertainty of the angle: about the axis that turns one direction into the other.
         let axis = turn.try_normalize(0.0).unwrap_or_else(Vector3::x);
         let rotation = covariance.fixed_view::<3, 3>(0, 0);
         let variance = deviation * deviation + axis.dot(&(rotation * axis));
-        Some(FromUp { angle, sigmas: if variance.is_finite() { angle / variance.sqrt() } else { 0.0 } })
+        Some(UpDeviation { angle, sigmas: if variance.is_finite() { angle / variance.sqrt() } else { 0.0 } })
     }
 
     /// How far the camera is from the place that it stands near; `None` without one.
-    pub fn from_near(&self, pose: &Pose, covariance: &Matrix6<f64>) -> Option<FromNear> {
+    pub fn place_deviation(&self, pose: &Pose, covariance: &Matrix6<f64>) -> Option<PlaceDeviation> {
         let (near, sigma) = self.place()?;
         let offset = pose.transform(&near);
         let sum = covariance.fixed_view::<3, 3>(3, 3) + Matrix3::identity() * (sigma * sigma);
-        Some(FromNear { place: offset.norm(), sigmas: mahalanobis(&offset, &sum) })
+        Some(PlaceDeviation { place: offset.norm(), sigmas: mahalanobis(&offset, &sum) })
     }
 }
 
@@ -291,11 +291,11 @@ mod tests {
     fn a_turn_and_a_way_count_in_their_own_deviations() {
         let known = Matrix6::zeros();
         let turned = Pose::new(Rotation3::new(Vector3::new(0.0, 0.2, 0.0)), Vector3::zeros()).after(&pose());
-        let from = rough(0.1, 0.3).from_initial(&turned, &known).unwrap();
+        let from = rough(0.1, 0.3).initial_deviation(&turned, &known).unwrap();
         assert!((from.rotation - 0.2).abs() < 1e-12 && from.place < 1e-12);
         assert!((from.sigmas.unwrap() - 2.0).abs() < 1e-9);
         let carried = Pose::new(pose().rotation, pose().translation + Vector3::new(0.0, 0.0, 0.6));
-        let from = rough(0.1, 0.3).from_initial(&carried, &known).unwrap();
+        let from = rough(0.1, 0.3).initial_deviation(&carried, &known).unwrap();
         assert!(from.rotation < 1e-7 && (from.place - 0.6).abs() < 1e-12);
         let centers = carried.inverse().translation - pose().inverse().translation;
         assert!((from.place - centers.norm()).abs() < 1e-12);
@@ -307,7 +307,7 @@ mod tests {
         let carried = Pose::new(pose().rotation, pose().translation + Vector3::new(0.5, 0.0, 0.0));
         let sigmas = |own: f64| {
             let covariance = Matrix6::identity() * (own * own);
-            rough(0.3, 0.3).from_initial(&carried, &covariance).unwrap().sigmas.unwrap()
+            rough(0.3, 0.3).initial_deviation(&carried, &covariance).unwrap().sigmas.unwrap()
         };
         assert!((sigmas(0.4) - 1.0).abs() < 1e-6, "0.3 and 0.4 make 0.5");
         assert!(sigmas(0.0) > sigmas(0.4) && sigmas(f64::INFINITY) == 0.0);
@@ -317,7 +317,7 @@ mod tests {
     fn a_contradiction_is_beyond_five_deviations_or_half_a_right_angle() {
         let known = Matrix6::zeros();
         let carried = |by: f64| Pose::new(pose().rotation, pose().translation + Vector3::new(by, 0.0, 0.0));
-        let contradicted = |prior: Prior, at: &Pose| prior.from_initial(at, &known).unwrap().is_contradiction();
+        let contradicted = |prior: Prior, at: &Pose| prior.initial_deviation(at, &known).unwrap().is_contradiction();
         assert!(!contradicted(rough(0.1, 0.1), &carried(0.49)) && contradicted(rough(0.1, 0.1), &carried(0.51)));
         let start = Prior { initial_sigma: None, ..rough(0.1, 0.1) };
         let turned = |by: f64| Pose::new(Rotation3::new(Vector3::z() * by) * pose().rotation, pose().translation);
@@ -334,15 +334,15 @@ mod tests {
         let rolled = Pose::new(roll * level, Vector3::zeros());
         let known = Matrix6::zeros();
         let prior = Prior { up: Some(Vector3::z() * 9.81), ..Prior::default() };
-        let from = prior.from_up(&rolled, &known).unwrap();
+        let from = prior.up_deviation(&rolled, &known).unwrap();
         assert!((from.angle - PI / 6.0).abs() < 1e-9 && (from.sigmas - 2.0).abs() < 1e-9);
         let strict = Prior { up_sigma: Some(PI / 36.0), ..prior };
-        assert!((strict.from_up(&rolled, &known).unwrap().sigmas - 6.0).abs() < 1e-9);
-        assert!(strict.from_up(&rolled, &known).unwrap().is_contradiction() && !from.is_contradiction());
+        assert!((strict.up_deviation(&rolled, &known).unwrap().sigmas - 6.0).abs() < 1e-9);
+        assert!(strict.up_deviation(&rolled, &known).unwrap().is_contradiction() && !from.is_contradiction());
         // Uncertain about the roll by as much again, and about another axis.
         let own = |axis: usize| Matrix6::from_diagonal(&Vector6::ith(axis, (PI / 36.0).powi(2) * 3.0));
-        assert!((strict.from_up(&rolled, &own(2)).unwrap().sigmas - 3.0).abs() < 1e-9);
-        assert!((strict.from_up(&rolled, &own(0)).unwrap().sigmas - 6.0).abs() < 1e-9);
+        assert!((strict.up_deviation(&rolled, &own(2)).unwrap().sigmas - 3.0).abs() < 1e-9);
+        assert!((strict.up_deviation(&rolled, &own(0)).unwrap().sigmas - 6.0).abs() < 1e-9);
     }
 
     /// A camera 3 m from where it should be, known to 1 m; its own 2 m along the way there add up to root 5, across
@@ -352,19 +352,21 @@ mod tests {
         let way = Vector3::new(2.0, -1.0, 2.0);
         let near = Some(pose().inverse().translation - pose().rotation.inverse() * way);
         let prior = Prior { near, near_sigma: Some(1.0), ..Prior::default() };
-        let from = prior.from_near(&pose(), &Matrix6::zeros()).unwrap();
+        let from = prior.place_deviation(&pose(), &Matrix6::zeros()).unwrap();
         assert!((from.place - 3.0).abs() < 1e-12 && (from.sigmas - 3.0).abs() < 1e-12 && !from.is_contradiction());
         let own = |along: Vector3<f64>| {
             let mut covariance = Matrix6::zeros();
             covariance.fixed_view_mut::<3, 3>(3, 3).copy_from(&(along * along.transpose() * 4.0));
-            prior.from_near(&pose(), &covariance).unwrap().sigmas
+            prior.place_deviation(&pose(), &covariance).unwrap().sigmas
         };
         assert!((own(way / 3.0) - 3.0 / 5.0_f64.sqrt()).abs() < 1e-12);
         assert!((own(Vector3::new(1.0, 2.0, 0.0) / 5.0_f64.sqrt()) - 3.0).abs() < 1e-12);
         let strict = Prior { near_sigma: Some(0.5), ..prior };
-        assert!(strict.from_near(&pose(), &Matrix6::zeros()).unwrap().is_contradiction());
+        assert!(strict.place_deviation(&pose(), &Matrix6::zeros()).unwrap().is_contradiction());
         let conventional = Prior { near_sigma: None, ..prior };
-        assert!((conventional.from_near(&pose(), &Matrix6::zeros()).unwrap().sigmas - 3.0 / NEAR_SIGMA).abs() < 1e-12);
+        assert!(
+            (conventional.place_deviation(&pose(), &Matrix6::zeros()).unwrap().sigmas - 3.0 / NEAR_SIGMA).abs() < 1e-12
+        );
     }
 
     #[test]
@@ -374,11 +376,15 @@ mod tests {
         let up = pose().rotation.inverse() * Rotation3::from_axis_angle(&Vector3::z_axis(), UP_SIGMA) * -Vector3::y();
         let both = Prior { up: Some(up), ..rough(0.1, 0.1) };
         assert!((both.penalty(&carried(0.3), &known) - 10.0).abs() < 1e-6);
-        assert!((both.penalty(&carried(70.0), &known) - (BELIEVED + 1.0)).abs() < 1e-6);
+        assert!((both.penalty(&carried(70.0), &known) - (MAX_PENALTY + 1.0)).abs() < 1e-6);
         let three = Prior { near: Some(pose().inverse().translation), near_sigma: Some(0.1), ..both };
-        assert!((three.penalty(&carried(0.3), &known) - 19.0).abs() < 1e-6 && three.most() == 3.0 * BELIEVED);
-        assert!((three.penalty(&carried(70.0), &known) - (2.0 * BELIEVED + 1.0)).abs() < 1e-6);
-        assert!(both.most() == 2.0 * BELIEVED && rough(0.1, 0.1).most() == BELIEVED && Prior::default().most() == 0.0);
+        assert!((three.penalty(&carried(0.3), &known) - 19.0).abs() < 1e-6 && three.max_penalty() == 3.0 * MAX_PENALTY);
+        assert!((three.penalty(&carried(70.0), &known) - (2.0 * MAX_PENALTY + 1.0)).abs() < 1e-6);
+        assert!(
+            both.max_penalty() == 2.0 * MAX_PENALTY
+                && rough(0.1, 0.1).max_penalty() == MAX_PENALTY
+                && Prior::default().max_penalty() == 0.0
+        );
         assert!(Prior::default().penalty(&pose(), &known) == 0.0);
     }
 }

@@ -1,4 +1,4 @@
-//! Regions seen in one image and known in the world, paired and ready to be solved.
+//! A pose problem: pairs of observed and world regions, with their equations, contours and samples.
 
 use std::sync::{Arc, OnceLock};
 
@@ -24,7 +24,7 @@ const NOISE_FLOOR: f64 = 0.1;
 /// `_core.Problem.work`).
 pub const MOST_LOOKS: u64 = 2_500;
 
-/// Regions seen in one image and known in the world, ready to be solved.
+/// Pairs of regions, observed in one image and given in the world, ready to be solved.
 ///
 /// ```
 /// # use nalgebra::Vector3;
@@ -141,9 +141,9 @@ impl Problem {
         &self.contours
     }
 
-    /// One piece in so many of the contours is what a first look takes.
-    pub(crate) fn few(&self) -> usize {
-        self.contours[0].few()
+    /// Stride between pieces in coarse evaluations.
+    pub(crate) fn coarse_stride(&self) -> usize {
+        self.contours[0].coarse_stride()
     }
 
     /// The regions whose world side has samples, which count in place of its outline.

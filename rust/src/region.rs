@@ -141,7 +141,7 @@ impl WorldRegion {
         }
         let frame = PlaneFrame::fit(&rings.concat())?;
         check_planar(rings, &frame)?;
-        let flat = rings.iter().map(|ring| ring.iter().map(|x| frame.flat(x)).collect()).collect();
+        let flat = rings.iter().map(|ring| ring.iter().map(|x| frame.to_plane(x)).collect()).collect();
         Ok(Self::on_plane(frame, PlaneRings::polygon(flat)?))
     }
 
@@ -171,7 +171,7 @@ impl WorldRegion {
         check_indices(vertices, triangles)?;
         let rings = boundary_rings(vertices, triangles)?;
         let frame = PlaneFrame::fit(&rings.concat())?;
-        let flat = rings.iter().map(|ring| ring.iter().map(|x| frame.flat(x)).collect()).collect();
+        let flat = rings.iter().map(|ring| ring.iter().map(|x| frame.to_plane(x)).collect()).collect();
         let outline = PlaneRings::polygon(largest_first(flat))?;
         let surface = Surface { vertices: vertices.to_vec(), triangles: triangles.to_vec(), rings };
         let surface = (height_range(vertices, &frame) > f64::EPSILON * 64.0 * extent(vertices)).then_some(surface);
@@ -282,7 +282,7 @@ impl WorldRegion {
         match &self.surface {
             Some(surface) => surface.rings.clone(),
             None => {
-                self.outline.rings().iter().map(|ring| ring.iter().map(|p| self.frame.lifted(p)).collect()).collect()
+                self.outline.rings().iter().map(|ring| ring.iter().map(|p| self.frame.to_world(p)).collect()).collect()
             }
         }
     }

@@ -19,11 +19,11 @@ mod screen;
 pub mod symmetry;
 mod turns;
 
-use candidates::{Answers, by_moments, on_contours};
+use candidates::{Candidates, refined_on_contours, whitened_minima};
 use centroids::centroid_poses;
 use closed_form::closed_form;
-use moments::{Alone, FINAL, Starts, moment_poses, paper_poses};
-use screen::Looks;
+use moments::{FINAL, SingleRegionCache, Starts, moment_poses, paper_poses};
+use screen::CandidateScreen;
 
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
@@ -59,7 +59,7 @@ pub struct Search {
     pub(crate) problem: Problem,
     /// How it was searched.
     pub(crate) options: Options,
-    pub(crate) answers: Answers,
+    pub(crate) found: Candidates,
     /// Where samples of regions are to be led from, about the problem's origin.
     pub(crate) starts: Vec<Pose>,
     /// Whether it made do with what it had found by the limit of its work.
@@ -81,7 +81,7 @@ impl Problem {
     /// The same with a prior that is known to be one.
     pub(crate) fn checked_search(&self, options: &Options) -> Search {
         let search = self.bounded_search(options);
-        match search.without_silent() {
+        match search.with_informative_samples() {
             Some(problem) => problem.bounded_search(options),
             None => search,
         }
@@ -92,7 +92,7 @@ impl Problem {
         let first = sketch.as_ref().unwrap_or(self);
         // Where samples decide of several regions, outlines are starts: to lead these on gains nothing. One alone may be disturbed so
         // much that its moments lead nowhere near.
-        let is_sampled = self.regions().len() > 1 && self.has_samples_all_over();
+        let is_sampled = self.regions().len() > 1 && self.has_samples_on_all_edges();
         let refinement = if is_sampled { Refinement::Off } else { options.refinement };
         let options = Options { refinement, ..*options };
         let (search, exhausted) = effort::bounded(first.most_work(), || first.searched(&options));
@@ -100,35 +100,40 @@ impl Problem {
     }
 
     fn searched(&self, options: &Options) -> Search {
-        let (mut looks, mut alone) = (Looks::new(self, options), Alone::default());
+        let (mut screen, mut cache) = (CandidateScreen::new(self, options), SingleRegionCache::default());
         let poses = match options.start {
-            Start::Global => self.global_poses(options, &mut looks, &mut alone),
+            Start::Global => self.global_poses(options, &mut screen, &mut cache),
             Start::Paper => paper_poses(self, &options.prior),
         };
-        let first = poses.first().and_then(|pose| looks.at(pose));
+        let first = poses.first().and_then(|pose| screen.at(pose));
         let (noise, clean) = first.map_or((0.0, false), |fit| (fit.noise(), fit.is_clean()));
         // The moments of a region of which a part is hidden are wrong, however clean the rest of its contour.
         let clean = clean && !self.hides_edges();
         let orders = if clean { Orders::All } else { Orders::Low };
         let problem = self.whitened(noise, orders);
-        let starts = if self.sampled().is_empty() { Vec::new() } else { self.starts(&looks.known, &poses) };
-        let answers = match options.refinement {
-            Refinement::Contour if !clean => on_contours(&problem, poses, &options.prior, &looks, &mut alone),
-            _ => Answers::Moments(by_moments(&problem, poses, &options.prior)),
+        let starts = if self.sampled().is_empty() { Vec::new() } else { self.starts(&screen.prior_poses, &poses) };
+        let found = match options.refinement {
+            Refinement::Contour if !clean => refined_on_contours(&problem, poses, &options.prior, &screen, &mut cache),
+            _ => Candidates::NearMinima(whitened_minima(&problem, poses, &options.prior)),
         };
-        Search { problem, options: *options, answers, starts, exhausted: false }
+        Search { problem, options: *options, found, starts, exhausted: false }
     }
 
-    fn global_poses(&self, options: &Options, looks: &mut Looks, alone: &mut Alone) -> Vec<Pose> {
-        let known = looks.known.clone();
-        let explains = |pose: &Pose| looks.explains(pose);
-        let poses = moment_poses(self, &options.prior, &known, Starts::Likely, alone, explains);
+    fn global_poses(
+        &self,
+        options: &Options,
+        screen: &mut CandidateScreen,
+        cache: &mut SingleRegionCache,
+    ) -> Vec<Pose> {
+        let known = screen.prior_poses.clone();
+        let explains = |pose: &Pose| screen.explains(pose);
+        let poses = moment_poses(self, &options.prior, &known, Starts::Likely, cache, explains);
         let cut = self.regions().iter().any(|region| region.border().is_some());
         // Several regions that are disturbed are looked at further on their contours.
         let enough = self.regions().len() > 1 && !cut && options.refinement == Refinement::Contour;
         match poses.first() {
-            Some(pose) if enough || looks.explains(pose) => poses,
-            _ => moment_poses(self, &options.prior, &known, Starts::All, alone, |_| false),
+            Some(pose) if enough || screen.explains(pose) => poses,
+            _ => moment_poses(self, &options.prior, &known, Starts::All, cache, |_| false),
         }
     }
 
@@ -146,9 +151,9 @@ impl Problem {
 impl Search {
     /// The poses near which the moments' equations are to be solved, best first; none where the contours have decided.
     pub fn candidates(&self) -> Vec<Pose> {
-        match &self.answers {
-            Answers::Moments(poses) => poses.iter().map(|pose| self.problem.uncentered(pose)).collect(),
-            Answers::Contours(_) => Vec::new(),
+        match &self.found {
+            Candidates::NearMinima(poses) => poses.iter().map(|pose| self.problem.uncentered(pose)).collect(),
+            Candidates::OnContours(_) => Vec::new(),
         }
     }
 
@@ -173,18 +178,18 @@ impl Search {
 
     /// The problem without the samples of regions that tell nothing at any pose that may be the answer by the outlines; `None` where
     /// all regions' tell something.
-    fn without_silent(&self) -> Option<Problem> {
+    fn with_informative_samples(&self) -> Option<Problem> {
         let (problem, contours) = (&self.problem, self.problem.contours());
         if problem.sampled().is_empty() {
             return None;
         }
-        let fits: Vec<ContourFit> = match &self.answers {
-            Answers::Contours(fits) => fits.clone(),
-            Answers::Moments(poses) => {
-                poses.iter().filter_map(|pose| ContourFit::at(contours, pose, problem.few())).collect()
+        let fits: Vec<ContourFit> = match &self.found {
+            Candidates::OnContours(fits) => fits.clone(),
+            Candidates::NearMinima(poses) => {
+                poses.iter().filter_map(|pose| ContourFit::at(contours, pose, problem.coarse_stride())).collect()
             }
         };
         let answer = |fit: &ContourFit| (fit.pose, covariance(contours, fit), fit.mixture.sigma);
-        problem.without_silent_at(&fits.iter().map(answer).collect::<Vec<_>>())
+        problem.with_informative_samples_at(&fits.iter().map(answer).collect::<Vec<_>>())
     }
 }

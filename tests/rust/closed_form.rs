@@ -6,7 +6,7 @@ use crate::support::scene::{
 };
 use nalgebra::{Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
-use regionpose::internals::equations::least_squares::{Stopping, minimize};
+use regionpose::internals::equations::least_squares::{TerminationCriteria, minimize};
 use regionpose::internals::equations::system::Weighting;
 use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::internals::search::closed_form::{closed_form, conjugate, facing};
@@ -24,7 +24,7 @@ const VIEWS: u64 = 40;
 const SOLVED: f64 = 1e-6;
 
 /// Iterations to the end, also from far away.
-const PATIENT: Stopping = Stopping { tolerance: 1e-12, evaluations: 1400 };
+const PATIENT: TerminationCriteria = TerminationCriteria { tolerance: 1e-12, evaluations: 1400 };
 
 /// A region under weak perspective: its centroid is the center of the projection.
 struct AffineView {
@@ -143,7 +143,7 @@ proptest! {
         for (pose, side) in poses.iter().zip([-1.0, 1.0]) {
             let normal = pose.rotation * world.frame().axes[2];
             prop_assert!((normal - ray * side).norm() < 1e-12);
-            let center = world.frame().lifted(&centroid(&world.outline().rings()[0]));
+            let center = world.frame().to_world(&centroid(&world.outline().rings()[0]));
             let place = pose.transform(&center);
             prop_assert!((place.normalize() - ray).norm() < 1e-12);
             let area = world.outline().area() / place.norm_squared() * chart.scale * chart.scale;
@@ -161,7 +161,7 @@ proptest! {
         let (world, origin) = (&scene.worlds[0], random.direction());
         let pose = Pose::new(scene.pose.rotation, scene.pose.transform(&origin));
         let other = conjugate(&pose, world, &origin);
-        let center = world.frame().lifted(&centroid(&world.outline().rings()[0])) - origin;
+        let center = world.frame().to_world(&centroid(&world.outline().rings()[0])) - origin;
         let ray = pose.transform(&center).normalize();
         prop_assert!((other.transform(&center) - pose.transform(&center)).norm() < 1e-12);
         // Across the ray both show the plane's axes alike; along it one goes away where the other comes near.

@@ -7,9 +7,9 @@ use crate::support::random::Random;
 use crate::support::scene::{Layout, Scene, star};
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
-use regionpose::internals::contour::votes::Vote;
-use regionpose::internals::verdict::confidence::{Evidence, Shown};
-use regionpose::internals::verdict::shares::{shares, together};
+use regionpose::internals::contour::region_preference::RegionPreference;
+use regionpose::internals::verdict::confidence::{Evidence, EvidenceSource};
+use regionpose::internals::verdict::mode_probability::{mode_probabilities, probability_near};
 use regionpose::{Pose, Problem, Solution};
 
 /// Regions that are marked and solved.
@@ -18,28 +18,47 @@ const SCENES: usize = 900;
 const GOOD: Evidence = Evidence {
     rotation_sigmas: [0.004, 0.006, 0.01],
     regions: 3,
-    shown: Shown::Outlines { ambiguous: false, whole: true, scatter: 0.25, contradicted: 0, overlap_error: 0.01 },
+    source: EvidenceSource::Outlines {
+        ambiguous: false,
+        whole: true,
+        scatter: 0.25,
+        contradicted: 0,
+        overlap_error: 0.01,
+    },
 };
 
 const BAD: Evidence = Evidence {
     rotation_sigmas: [1.0, 8.0, 2.0],
     regions: 1,
-    shown: Shown::Outlines { ambiguous: false, whole: false, scatter: 10.0, contradicted: 0, overlap_error: 0.4 },
+    source: EvidenceSource::Outlines {
+        ambiguous: false,
+        whole: false,
+        scatter: 10.0,
+        contradicted: 0,
+        overlap_error: 0.4,
+    },
 };
 
 /// A few clean pieces of another shape.
 const UNLIKE: Evidence = Evidence {
     rotation_sigmas: [0.3, 0.1, 0.1],
     regions: 1,
-    shown: Shown::Outlines { ambiguous: false, whole: false, scatter: 0.25, contradicted: 0, overlap_error: 0.9 },
+    source: EvidenceSource::Outlines {
+        ambiguous: false,
+        whole: false,
+        scatter: 0.25,
+        contradicted: 0,
+        overlap_error: 0.9,
+    },
 };
 
-const SAMPLED: Evidence = Evidence { shown: Shown::Samples { unseen: 0.05, wrong: 0.0, growth: 0.2 }, ..GOOD };
+const SAMPLED: Evidence =
+    Evidence { source: EvidenceSource::Samples { unseen: 0.05, wrong: 0.0, growth: 0.2 }, ..GOOD };
 
 const HALF_SEEN: Evidence = Evidence {
     rotation_sigmas: [3.0, 1.0, 0.5],
     regions: 1,
-    shown: Shown::Samples { unseen: 0.6, wrong: 0.02, growth: 0.8 },
+    source: EvidenceSource::Samples { unseen: 0.6, wrong: 0.02, growth: 0.8 },
 };
 
 #[test]
@@ -70,7 +89,7 @@ fn the_noise_alone_bounds_it() {
 #[test]
 fn answers_within_five_degrees_of_each_other_speak_for_one_another() {
     let turned = |degrees: f64| Pose::new(Rotation3::new(Vector3::x() * degrees.to_radians()), Vector3::zeros());
-    let found = together(&[0.0, 3.0, 6.0, 90.0].map(turned), &[0.4, 0.2, 0.1, 0.25]);
+    let found = probability_near(&[0.0, 3.0, 6.0, 90.0].map(turned), &[0.4, 0.2, 0.1, 0.25]);
     for (found, sum) in found.into_iter().zip([0.6, 0.7, 0.3, 0.25]) {
         assert!((found - sum).abs() < 1e-12, "{found} for {sum}");
     }
@@ -79,15 +98,15 @@ fn answers_within_five_degrees_of_each_other_speak_for_one_another() {
 #[test]
 fn answers_near_one_another_or_of_the_same_votes_have_what_one_would_have() {
     let turned = |degrees: f64| Pose::new(Rotation3::new(Vector3::x() * degrees.to_radians()), Vector3::zeros());
-    let (first, second) = (vec![Vote::Neither; 2], vec![Vote::Second, Vote::First]);
+    let (first, second) = (vec![RegionPreference::Neither; 2], vec![RegionPreference::Second, RegionPreference::First]);
     let poses = [0.0, 1.0, 2.0, 90.0, 130.0, 170.0].map(turned);
-    let votes = [&first, &first, &first, &second, &second, &second].map(Vec::clone);
-    let found = shares(&[0.0; 6], &poses, &votes);
+    let preferences = [&first, &first, &first, &second, &second, &second].map(Vec::clone);
+    let found = mode_probabilities(&[0.0; 6], &poses, &preferences);
     for share in found {
         assert!((share - 1.0 / 6.0).abs() < 1e-12, "{share}");
     }
     // Two places in one group, one of them reached three times.
-    let found = shares(&[0.0, 0.0, 0.0, 0.0], &poses[..4], &vec![first; 4]);
+    let found = mode_probabilities(&[0.0, 0.0, 0.0, 0.0], &poses[..4], &vec![first; 4]);
     for (share, needed) in found.into_iter().zip([1.0 / 6.0, 1.0 / 6.0, 1.0 / 6.0, 0.5]) {
         assert!((share - needed).abs() < 1e-12, "{share} for {needed}");
     }
@@ -96,9 +115,9 @@ fn answers_near_one_another_or_of_the_same_votes_have_what_one_would_have() {
 proptest! {
     #[test]
     fn it_is_a_probability_that_falls_with_the_uncertainty(
-        rotation_sigmas in [1e-4..50.0_f64, 1e-4..50.0_f64, 1e-4..50.0_f64], factor in 1.0..20.0_f64, regions in 1..9_usize, shown in shown(),
+        rotation_sigmas in [1e-4..50.0_f64, 1e-4..50.0_f64, 1e-4..50.0_f64], factor in 1.0..20.0_f64, regions in 1..9_usize, source in source(),
     ) {
-        let evidence = Evidence { rotation_sigmas, regions, shown };
+        let evidence = Evidence { rotation_sigmas, regions, source };
         let wider = Evidence { rotation_sigmas: rotation_sigmas.map(|sigma| sigma * factor), ..evidence };
         prop_assert!((0.0..=1.0).contains(&evidence.probability()));
         prop_assert!(wider.probability() <= evidence.probability());
@@ -107,38 +126,34 @@ proptest! {
     /// Other answers, scatter, parts elsewhere, wrong labels, contours that are grown and parts that the scanner did not see make it less.
     #[test]
     fn it_falls_with_what_speaks_against_the_pose(
-        rotation_sigmas in [1e-4..50.0_f64, 1e-4..50.0_f64, 1e-4..50.0_f64], regions in 1..9_usize, shown in shown(), more in 0.0..0.5_f64,
+        rotation_sigmas in [1e-4..50.0_f64, 1e-4..50.0_f64, 1e-4..50.0_f64], regions in 1..9_usize, source in source(), more in 0.0..0.5_f64,
     ) {
-        let worse = match shown {
-            Shown::Outlines { scatter, contradicted, overlap_error, .. } => Shown::Outlines {
+        let worse = match source {
+            EvidenceSource::Outlines { scatter, contradicted, overlap_error, .. } => EvidenceSource::Outlines {
                 ambiguous: true,
                 whole: false,
                 scatter: scatter + more,
                 contradicted,
                 overlap_error: overlap_error + more,
             },
-            Shown::Samples { unseen, wrong, growth } => {
-                Shown::Samples { unseen: unseen + more, wrong: wrong + more, growth: growth + more }
+            EvidenceSource::Samples { unseen, wrong, growth } => {
+                EvidenceSource::Samples { unseen: unseen + more, wrong: wrong + more, growth: growth + more }
             }
         };
-        let evidence = Evidence { rotation_sigmas, regions, shown };
-        let other = Evidence { shown: worse, ..evidence };
+        let evidence = Evidence { rotation_sigmas, regions, source };
+        let other = Evidence { source: worse, ..evidence };
         prop_assert!(other.probability() <= evidence.probability());
     }
 }
 
 /// What outlines or samples may show.
-fn shown() -> impl Strategy<Value = Shown> {
+fn source() -> impl Strategy<Value = EvidenceSource> {
     let outlines = (proptest::bool::ANY, proptest::bool::ANY, 0.25..20.0_f64, 0..4_usize, 0.0..1.0_f64);
-    let outlines = outlines.prop_map(|(ambiguous, whole, scatter, contradicted, overlap_error)| Shown::Outlines {
-        ambiguous,
-        whole,
-        scatter,
-        contradicted,
-        overlap_error,
+    let outlines = outlines.prop_map(|(ambiguous, whole, scatter, contradicted, overlap_error)| {
+        EvidenceSource::Outlines { ambiguous, whole, scatter, contradicted, overlap_error }
     });
     let samples = (0.0..0.5_f64, 0.0..0.5_f64, 0.2..3.2_f64);
-    prop_oneof![outlines, samples.prop_map(|(unseen, wrong, growth)| Shown::Samples { unseen, wrong, growth })]
+    prop_oneof![outlines, samples.prop_map(|(unseen, wrong, growth)| EvidenceSource::Samples { unseen, wrong, growth })]
 }
 
 /// Of four marked corners a pose leaves two numbers, and what is left of another pose says the less of which is right.
@@ -157,7 +172,7 @@ fn of_few_marked_corners_the_first_answer_is_right_as_often_as_its_share_says() 
         if answers().count() > 1 && answers().any(|answer| is_right(&answer)) {
             several += 1;
             right += usize::from(is_right(&&estimate.best));
-            stated += estimate.best.share / answers().map(|answer| answer.share).sum::<f64>();
+            stated += estimate.best.mode_probability / answers().map(|answer| answer.mode_probability).sum::<f64>();
         }
     }
     let (right, stated) = (right as f64 / several as f64, stated / several as f64);

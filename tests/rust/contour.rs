@@ -65,13 +65,12 @@ fn a_piece_across_the_boundary_counts_as_farther_than_its_mean() {
     let scene = Scene::random(&mut Random::new(3), layout(1));
     let bitten = readings(&problem(&scene, &all_bitten(&scene, -1.0)), &scene.pose).unwrap();
     assert!(
-        bitten
-            .iter()
-            .all(|reading| reading.misfit >= reading.distance.abs() * (1.0 - ROUNDING) && reading.spread > -ROUNDING)
+        bitten.iter().all(|reading| reading.robust_distance >= reading.distance.abs() * (1.0 - ROUNDING)
+            && reading.spread > -ROUNDING)
     );
     // The two sides of the bite cross the outline: a piece of three pixels spreads by up to 9 / 12 across it.
     let crossing = |reading: &&Reading| reading.spread > 0.5;
-    assert!(bitten.iter().filter(crossing).all(|reading| reading.misfit > reading.distance.abs() + 0.01));
+    assert!(bitten.iter().filter(crossing).all(|reading| reading.robust_distance > reading.distance.abs() + 0.01));
     assert!(bitten.iter().filter(crossing).count() >= 2);
 }
 
@@ -94,7 +93,7 @@ fn normal_equations_are_sums_over_the_rows() {
     let scene = Scene::random(&mut Random::new(7), layout(2));
     let problem = problem(&scene, &scene.observed);
     let pose = scene.pose.moved(&Random::new(8).tangent(0.02, 0.05));
-    let weight = |reading: &Reading| 1.0 / (1.0 + reading.misfit);
+    let weight = |reading: &Reading| 1.0 / (1.0 + reading.robust_distance);
     let mut equations = NormalEquations::default();
     for contour in problem.contours() {
         let mut before = Vec::new();
@@ -120,7 +119,10 @@ fn pieces_that_are_followed_along_the_boundary_find_their_nearest_edges() {
             let (mut known, mut followed) = (Vec::new(), Vec::new());
             contour.read(&pose, 1, &mut known).unwrap();
             contour.for_each_row(&pose, 1, None, 2.0, |reading, _, _| followed.push(reading)).unwrap();
-            let off = known.iter().zip(&followed).map(|(known, followed)| (known.misfit - followed.misfit).abs());
+            let off = known
+                .iter()
+                .zip(&followed)
+                .map(|(known, followed)| (known.robust_distance - followed.robust_distance).abs());
             // On the plane another edge may be nearest where two are about as near.
             assert!(off.filter(|&off| off > 0.05).count() <= known.len() / 100, "seed {seed}");
         }
@@ -149,7 +151,7 @@ fn bites_out_of_regions_hardly_move_the_pose() {
             assert!(by_contour < 5e-4, "seed {seed}: {by_contour} rad, {by_moments} by moments");
             assert!(by_contour < 0.2 * by_moments, "seed {seed}: {by_contour} against {by_moments}");
             assert!(refined.best.minimum.is_none() && moments.best.minimum.is_some());
-            assert!(refined.best.fit.mixture.disturbed.iter().all(|&share| share > 0.005));
+            assert!(refined.best.fit.mixture.outlier_fractions.iter().all(|&share| share > 0.005));
         }
     }
 }
@@ -242,8 +244,8 @@ fn a_refined_pose_is_likelier_than_its_start() {
         assert!(led.mixture.likelihood > at_start.mixture.likelihood, "seed {seed}");
         assert!(
             led.gain_over(&at_start) > 0.0
-                && led.against(&at_start, f64::INFINITY) > 0.0
-                && led.against(&led, f64::INFINITY) == 0.0
+                && led.deviance_to(&at_start, f64::INFINITY) > 0.0
+                && led.deviance_to(&led, f64::INFINITY) == 0.0
         );
     }
 }

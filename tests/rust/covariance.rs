@@ -5,8 +5,8 @@ use crate::support::random::Random;
 use crate::support::scene::{Layout, Ring, Scene, angle_piece, regular};
 use nalgebra::{Matrix6, Rotation3, Vector3, Vector6};
 use regionpose::internals::contour::covariance::covariance;
+use regionpose::internals::contour::degrees_of_freedom::residual_dof;
 use regionpose::internals::contour::fit::refined;
-use regionpose::internals::contour::numbers::telling;
 use regionpose::{Integration, Pose, Problem, System};
 
 /// 90 % of chi-squared with 6 degrees of freedom lie below.
@@ -56,7 +56,7 @@ fn what_little_is_left_of_four_corners_is_not_taken_for_their_error() {
 fn contours_tell_as_many_numbers_as_their_corners_and_what_lies_beside_sides() {
     let numbers = |shapes: Vec<Vec<Ring>>| {
         let scene = Scene::of_shapes(&mut Random::new(13), shapes, Layout::default());
-        telling(scene.problem(System::Plane, Integration::Boundary).contours(), 1)
+        residual_dof(scene.problem(System::Plane, Integration::Boundary).contours(), 1)
     };
     // Two a corner, without six and with one for what is known beforehand.
     for (shapes, needed) in [(vec![vec![regular(3, 0.6)]], 1.0), (vec![vec![regular(4, 0.6)]], 3.0)] {

@@ -141,11 +141,11 @@ fn scanned(random: &mut Random, world: &WorldRegion, up: &Vector3<f64>, below: f
         places.extend((0..count(1)).map(|j| low + Vector2::new(steps(0) * i as f64, steps(1) * j as f64)));
     }
     places.iter_mut().for_each(|place| *place += Vector2::repeat(shift - 3.0 * gap));
-    let height = |place: &Vector2<f64>| up.dot(&frame.lifted(place));
+    let height = |place: &Vector2<f64>| up.dot(&frame.to_world(place));
     let least = world.rings()[0].iter().map(|x| up.dot(x)).fold(f64::INFINITY, f64::min);
     places.retain(|place| height(place) - least < below);
     let (inside, outside): (Vec<_>, Vec<_>) = places.into_iter().partition(|place| outline.contains(*place));
-    let lifted = |flat: Vec<Vector2<f64>>| flat.iter().map(|place| frame.lifted(place)).collect::<Vec<_>>();
+    let lifted = |flat: Vec<Vector2<f64>>| flat.iter().map(|place| frame.to_world(place)).collect::<Vec<_>>();
     world.clone().with_samples(&lifted(inside), &lifted(outside)).unwrap()
 }
 

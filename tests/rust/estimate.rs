@@ -7,7 +7,7 @@ use crate::support::random::Random;
 use crate::support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, errors, placed, rectangle, regular, seen_plane};
 use nalgebra::{Matrix6, Rotation3, Vector3, Vector6};
 use proptest::prelude::*;
-use regionpose::internals::equations::least_squares::{Stopping, Termination, minimize};
+use regionpose::internals::equations::least_squares::{Termination, TerminationCriteria, minimize};
 use regionpose::internals::equations::system::Weighting;
 use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::internals::region::Pixels;
@@ -342,8 +342,12 @@ fn a_single_evaluation_is_told_from_convergence() {
     let scene = Scene::random(&mut Random::new(55), Layout::default());
     let problem = scene.problem(System::Plane, Integration::Boundary);
     let start = scene.pose.moved(&Random::new(1).tangent(0.2, 0.2));
-    let minimum =
-        minimize(problem.regions(), &start, Weighting::Uniform, Stopping { tolerance: 1e-12, evaluations: 1 });
+    let minimum = minimize(
+        problem.regions(),
+        &start,
+        Weighting::Uniform,
+        TerminationCriteria { tolerance: 1e-12, evaluations: 1 },
+    );
     assert!(!minimum.converged && minimum.termination == Termination::EvaluationLimit, "{minimum:?}");
 }
 
@@ -357,8 +361,8 @@ proptest! {
         let problem = scene.problem(System::Plane, Integration::Boundary);
         let start = scene.pose.moved(&random.tangent(angle, 2.0));
         for weighting in [Weighting::Uniform, Weighting::Whitened] {
-            let stopping = Stopping { tolerance: 1e-10, evaluations: 140 };
-            let minimum = minimize(problem.regions(), &start, weighting, stopping);
+            let criteria = TerminationCriteria { tolerance: 1e-10, evaluations: 140 };
+            let minimum = minimize(problem.regions(), &start, weighting, criteria);
             prop_assert!(minimum.converged <= minimum.cost.is_finite());
             prop_assert!(minimum.evaluations <= 200);
         }

@@ -33,7 +33,7 @@ fn the_error_of_an_exposure_adds_to_the_covariance() {
     let added = Matrix6::from_diagonal(&Vector6::new(turn, turn, turn, 0.0, 0.0, 0.0))
         + alone.focal_shift * alone.focal_shift.transpose() * (sigma.focal * sigma.focal);
     assert!((whole.covariance - alone.covariance - added).amax() < 1e-12);
-    assert_eq!((whole.confidence, whole.share), (alone.confidence, alone.share));
+    assert_eq!((whole.confidence, whole.mode_probability), (alone.confidence, alone.mode_probability));
 }
 
 /// The derivative by the focal lengths, from what each region says as a whole, against poses of photos by a lens whose angles are a

@@ -11,8 +11,8 @@ const FINEST: f64 = 0.25;
 /// Ratio of a scale to that of the samples: by chance, and by the steps that the iteration is left.
 const NEARLY: f64 = 1.1;
 
-fn reading(misfit: f64) -> Reading {
-    Reading { distance: misfit, spread: 0.0, misfit: misfit.abs(), edge: 0 }
+fn reading(robust_distance: f64) -> Reading {
+    Reading { distance: robust_distance, spread: 0.0, robust_distance: robust_distance.abs(), edge: 0 }
 }
 
 /// Distances of a region of which a share is disturbed.
@@ -35,8 +35,8 @@ fn scales_and_shares_of_drawn_samples_are_recovered() {
         let mixture = fitted(&regions);
         let ratio = (mixture.sigma / scales[0]).max(scales[0] / mixture.sigma);
         assert!(ratio < NEARLY, "{scales:?}: sigma {}", mixture.sigma);
-        assert!((mixture.wide / scales[1] - 1.0).abs() < 0.1, "{scales:?}: wide {}", mixture.wide);
-        for (found, share) in mixture.disturbed.iter().zip(shares) {
+        assert!((mixture.outlier_sigma / scales[1] - 1.0).abs() < 0.1, "{scales:?}: wide {}", mixture.outlier_sigma);
+        for (found, share) in mixture.outlier_fractions.iter().zip(shares) {
             assert!((found - share).abs() < 0.05, "{scales:?}: {found} of {share} disturbed");
         }
     }
@@ -48,7 +48,7 @@ fn clean_samples_leave_hardly_anything_disturbed_by_much() {
     let mixture = fitted(&regions);
     assert!((FINEST..0.3 * NEARLY).contains(&mixture.sigma), "{}", mixture.sigma);
     // What the narrow scale does not hold is the tail of the same distribution.
-    assert!(mixture.wide < 1.0 || mixture.disturbed[0] < 0.02, "{mixture:?}");
+    assert!(mixture.outlier_sigma < 1.0 || mixture.outlier_fractions[0] < 0.02, "{mixture:?}");
 }
 
 #[test]
@@ -76,7 +76,7 @@ fn no_scale_of_those_beside_is_likelier() {
 
 #[test]
 fn the_density_of_a_region_is_one_in_all() {
-    let mixture = Mixture { sigma: 0.5, wide: 6.0, disturbed: vec![0.1, 0.7], likelihood: f64::NAN };
+    let mixture = Mixture { sigma: 0.5, outlier_sigma: 6.0, outlier_fractions: vec![0.1, 0.7], likelihood: f64::NAN };
     let step = 0.01;
     for region in 0..2 {
         let density = |k: i32| mixture.log_density(region, &reading(f64::from(k) * step)).exp();
@@ -89,8 +89,8 @@ fn the_density_of_a_region_is_one_in_all() {
 fn empty_regions_and_endless_distances_make_no_panic() {
     for regions in [vec![], vec![vec![]], vec![vec![reading(0.0)]], vec![vec![reading(f64::INFINITY)], vec![]]] {
         let mixture = fitted(&regions);
-        assert_eq!(mixture.disturbed.len(), regions.len());
-        assert!(mixture.sigma >= FINEST && mixture.wide >= mixture.sigma);
+        assert_eq!(mixture.outlier_fractions.len(), regions.len());
+        assert!(mixture.sigma >= FINEST && mixture.outlier_sigma >= mixture.sigma);
     }
 }
 
@@ -101,7 +101,7 @@ proptest! {
     fn a_piece_is_clean_by_its_share_of_the_density_which_falls_with_the_distance(
         sigma in 0.25..4.0_f64, ratio in 2.0..50.0_f64, share in 0.001..0.999_f64, far in 0.0..6.0_f64,
     ) {
-        let mixture = Mixture { sigma, wide: ratio * sigma, disturbed: vec![share], likelihood: f64::NAN };
+        let mixture = Mixture { sigma, outlier_sigma: ratio * sigma, outlier_fractions: vec![share], likelihood: f64::NAN };
         let at = reading(far * sigma);
         let normal = (-0.5 * far * far).exp() / (sigma * std::f64::consts::TAU.sqrt());
         let clean = mixture.clean_probability(0, &at);

@@ -127,9 +127,9 @@ fn everything(random: &mut Random, initial: &Pose, upright: &Pose, place: &Pose)
 /// Minus the log density of a pose moved by an increment, without the bound on what a wrong prior counts.
 fn energy(prior: &Prior, pose: &Pose, by: &Tangent) -> f64 {
     let (moved, known) = (pose.moved(by), Matrix6::zeros());
-    let initial = prior.from_initial(&moved, &known).and_then(|from| from.sigmas);
-    let up = prior.from_up(&moved, &known).map(|from| from.sigmas);
-    let near = prior.from_near(&moved, &known).map(|from| from.sigmas);
+    let initial = prior.initial_deviation(&moved, &known).and_then(|from| from.sigmas);
+    let up = prior.up_deviation(&moved, &known).map(|from| from.sigmas);
+    let near = prior.place_deviation(&moved, &known).map(|from| from.sigmas);
     [initial, up, near].into_iter().flatten().map(|sigmas| 0.5 * sigmas * sigmas).sum()
 }
 

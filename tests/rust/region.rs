@@ -72,7 +72,7 @@ proptest! {
         let region = WorldRegion::from_rings(&rings).unwrap();
         let frame = region.frame();
         for x in region.rings().iter().flatten() {
-            prop_assert!(frame.height(x).abs() < ROUNDING && (frame.lifted(&frame.flat(x)) - x).norm() < ROUNDING);
+            prop_assert!(frame.height(x).abs() < ROUNDING && (frame.to_world(&frame.to_plane(x)) - x).norm() < ROUNDING);
         }
         let moved = region.rings().iter().flatten().map(|x| x.z.abs()).fold(0.0, f64::max);
         prop_assert!(moved < 3.0 * bend + ROUNDING);

@@ -78,7 +78,7 @@ fn rows(world: &WorldRegion, count: usize) -> WorldRegion {
     heights.dedup_by(|a, b| (*a - *b).abs() < 1e-6);
     let is_kept = |p: &&Vector2<f64>| heights.iter().take(count).any(|y| (p.y - y).abs() < 1e-6);
     let kept =
-        |places: &[Vector2<f64>]| places.iter().filter(is_kept).map(|p| world.frame().lifted(p)).collect::<Vec<_>>();
+        |places: &[Vector2<f64>]| places.iter().filter(is_kept).map(|p| world.frame().to_world(p)).collect::<Vec<_>>();
     let start = WorldRegion::from_outline(world.frame().clone(), world.outline().clone()).unwrap();
     start.with_samples(&kept(samples.inside()), &kept(samples.outside())).unwrap()
 }
@@ -195,7 +195,7 @@ fn rounding_leaves_the_pose() {
         let moved = |world: &WorldRegion| {
             let samples = world.samples().unwrap();
             let [inside, outside] = [samples.inside(), samples.outside()].map(|places| {
-                let noise = |p: &Vector2<f64>| world.frame().lifted(p) + random.normals() * 1e-14;
+                let noise = |p: &Vector2<f64>| world.frame().to_world(p) + random.normals() * 1e-14;
                 places.iter().map(noise).collect::<Vec<_>>()
             });
             world.clone().with_samples(&inside, &outside).unwrap()
@@ -226,7 +226,7 @@ fn windows_count_where_the_image_has_a_hole() {
 
 /// Some places inside a region with samples.
 fn inner(world: &WorldRegion) -> Vec<Vector3<f64>> {
-    world.samples().unwrap().inside().iter().take(5).map(|p| world.frame().lifted(p)).collect()
+    world.samples().unwrap().inside().iter().take(5).map(|p| world.frame().to_world(p)).collect()
 }
 
 #[test]
@@ -355,11 +355,11 @@ fn places_on_one_line_need_no_plane() {
         let middle = outline.rings()[0].iter().sum::<Vector2<f64>>() / outline.rings()[0].len() as f64;
         let places = (-400..400).map(|k| middle + Vector2::new(0.01 * f64::from(k), 0.0));
         let (inside, outside): (Vec<_>, Vec<_>) = places.partition(|place| outline.contains(*place));
-        let lifted = |flat: Vec<Vector2<f64>>| flat.iter().map(|place| frame.lifted(place)).collect::<Vec<_>>();
+        let lifted = |flat: Vec<Vector2<f64>>| flat.iter().map(|place| frame.to_world(place)).collect::<Vec<_>>();
         // The line in another plane through it.
         let [u, v, n] = frame.axes;
         let turned = [u, (v + n) / 2f64.sqrt(), (n - v) / 2f64.sqrt()];
-        let other = PlaneFrame { origin: frame.lifted(&middle), axes: turned };
+        let other = PlaneFrame { origin: frame.to_world(&middle), axes: turned };
         let strip = PlaneRings::polygon(vec![rectangle(1.0, 0.01)]).unwrap();
         let line = WorldRegion::from_outline(other, strip)
             .unwrap()

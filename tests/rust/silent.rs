@@ -28,7 +28,7 @@ fn deep(random: &mut Random, world: &WorldRegion, count: usize) -> Vec<Vector3<f
     while places.len() < count {
         let place = Vector2::new(random.uniform(low.x, high.x), random.uniform(low.y, high.y));
         if world.outline().contains(place) && around(place).all(|beside| world.outline().contains(beside)) {
-            places.push(world.frame().lifted(&place));
+            places.push(world.frame().to_world(&place));
         }
     }
     places
@@ -38,7 +38,7 @@ fn deep(random: &mut Random, world: &WorldRegion, count: usize) -> Vec<Vector3<f
 fn far(world: &WorldRegion, count: usize) -> Vec<Vector3<f64>> {
     let place =
         |k: usize| 2.5 * Vector2::new((TAU * k as f64 / count as f64).cos(), (TAU * k as f64 / count as f64).sin());
-    (0..count).map(|k| world.frame().lifted(&place(k))).collect()
+    (0..count).map(|k| world.frame().to_world(&place(k))).collect()
 }
 
 /// The region with samples deep inside, far outside, or both.
@@ -139,7 +139,7 @@ fn what_one_sided_samples_leave_open_is_the_outlines() {
         let scene = Scene::random(&mut random, layout(3));
         let one_sided = |world: &WorldRegion| {
             let samples = world.samples().unwrap();
-            let lifted = |p: &Vector2<f64>| world.frame().lifted(p);
+            let lifted = |p: &Vector2<f64>| world.frame().to_world(p);
             let inside: Vec<_> = samples.inside().iter().map(lifted).collect();
             let outside: Vec<_> = samples.outside().iter().filter(|p| p.x < -0.25).map(lifted).collect();
             WorldRegion::from_outline(world.frame().clone(), world.outline().clone())
@@ -165,8 +165,8 @@ fn the_outlines_answer_is_said_to_be_that() {
     let scene = Scene::random(&mut random, layout(2));
     // Of samples that tell, with outlines of another shape.
     let wrong = |world: &WorldRegion| {
-        let lifted = |places: &[Vector2<f64>]| places.iter().map(|p| world.frame().lifted(p)).collect::<Vec<_>>();
-        let square = rectangle(1.1, 0.8).iter().map(|p| world.frame().lifted(p)).collect();
+        let lifted = |places: &[Vector2<f64>]| places.iter().map(|p| world.frame().to_world(p)).collect::<Vec<_>>();
+        let square = rectangle(1.1, 0.8).iter().map(|p| world.frame().to_world(p)).collect();
         let samples = world.samples().unwrap();
         WorldRegion::from_rings(&[square])
             .unwrap()

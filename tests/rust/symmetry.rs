@@ -78,8 +78,10 @@ fn all_turns_of_a_disturbed_hexagon_are_answers() {
             let nearest = answers.iter().map(|answer| answer.angle_to(pose)).fold(f64::INFINITY, f64::min);
             assert!(nearest < 5e-3, "seed {seed}, turn {index}: {nearest} rad, {} answers", answers.len());
         }
-        let shared: f64 =
-            std::iter::once(&estimate.best).chain(&estimate.alternatives).map(|solution| solution.share).sum();
+        let shared: f64 = std::iter::once(&estimate.best)
+            .chain(&estimate.alternatives)
+            .map(|solution| solution.mode_probability)
+            .sum();
         assert!(shared <= 1.0 && estimate.best.confidence < 0.3, "{} of {shared}", estimate.best.confidence);
         assert_eq!(estimate.warnings[0].code(), "ambiguous");
     }

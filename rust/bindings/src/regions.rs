@@ -123,7 +123,7 @@ impl WorldRegion {
     #[getter]
     fn samples<'py>(&self, py: Python<'py>) -> PyResult<Option<SampleArrays<'py>>> {
         let frame = self.0.frame();
-        let lifted = |flat: &[Vector2<f64>]| array(py, &flat.iter().map(|p| frame.lifted(p)).collect::<Vec<_>>());
+        let lifted = |flat: &[Vector2<f64>]| array(py, &flat.iter().map(|p| frame.to_world(p)).collect::<Vec<_>>());
         let arrays = |samples: &Samples| {
             Ok((lifted(samples.inside())?, lifted(samples.outside())?, lifted(samples.enclosed())?))
         };

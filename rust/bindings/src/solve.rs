@@ -25,7 +25,7 @@ use crate::interrupts::{detached, detached_threads};
 use crate::poses::RotationTranslation;
 use crate::prior::Prior;
 use crate::regions::{ObservedRegion, WorldRegion};
-use crate::warnings::{Told, told};
+use crate::warnings::{WarningFields, warning_fields};
 
 fn unknown(option: &str, found: &str, needed: &str) -> PyErr {
     PyValueError::new_err(format!("{option} is {found:?}; it needs to be {needed}"))
@@ -195,7 +195,7 @@ impl Solution {
 
     #[getter]
     fn share(&self) -> f64 {
-        self.held().share
+        self.held().mode_probability
     }
 
     #[getter]
@@ -269,8 +269,8 @@ impl Estimate {
 
     /// (code, sentence, regions, values by name) of each warning; `{0}` in the sentence stands for the first region.
     #[getter]
-    fn warnings<'py>(&self, py: Python<'py>) -> PyResult<Vec<Told<'py>>> {
-        self.0.warnings.iter().map(|warning| told(py, warning)).collect()
+    fn warnings<'py>(&self, py: Python<'py>) -> PyResult<Vec<WarningFields<'py>>> {
+        self.0.warnings.iter().map(|warning| warning_fields(py, warning)).collect()
     }
 
     /// Angle of a pixel where the regions are seen, radians: the root of its mean square over them.
@@ -371,11 +371,11 @@ impl Problem {
         translation: &Bound<'py, PyAny>,
         covariance: &Bound<'py, PyAny>,
         limits: Option<[f64; 2]>,
-    ) -> PyResult<Option<Told<'py>>> {
+    ) -> PyResult<Option<WarningFields<'py>>> {
         let pose = pose(rotation, translation)?;
         let limits = limits.map(parsed_limits).transpose()?.unwrap_or_default();
         let warning = weakness::weak_geometry(&self.0, &pose, &self::covariance(covariance)?, &limits);
-        warning.map(|warning| told(py, &warning)).transpose()
+        warning.map(|warning| warning_fields(py, &warning)).transpose()
     }
 
     /// The estimate by the native driver; None without a pose in view.

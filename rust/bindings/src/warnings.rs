@@ -4,12 +4,12 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use regionpose::internals::verdict::warning::Warning;
 
-pub type Told<'py> = (&'static str, String, Vec<usize>, Bound<'py, PyDict>);
+pub type WarningFields<'py> = (&'static str, String, Vec<usize>, Bound<'py, PyDict>);
 
 const PERCENT: f64 = 1e-2;
 
 /// A warning whose sentence has `{0}` for its region, as of Python's `str.format`.
-pub fn told<'py>(py: Python<'py>, warning: &Warning) -> PyResult<Told<'py>> {
+pub fn warning_fields<'py>(py: Python<'py>, warning: &Warning) -> PyResult<WarningFields<'py>> {
     let region = warning.region();
     let plain = warning.to_string().replace('{', "{{").replace('}', "}}");
     let sentence = match region {

@@ -1,4 +1,4 @@
-//! The boundary of a world region as a chart sees it: its vertices moved and projected a few at a time.
+//! The boundary of a world region, projected into a chart by a pose: transformed a few vertices at a time.
 
 use std::ops::{Index, Range};
 

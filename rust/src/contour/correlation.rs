@@ -1,4 +1,4 @@
-//! How neighbors on a contour vary together (`docs/math.md`, section 11).
+//! Autocorrelation of values along contours, by Geyer's initial positive sequence (`docs/math.md`, section 11).
 
 use crate::math::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 

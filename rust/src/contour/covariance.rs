@@ -1,14 +1,14 @@
-//! The covariance of a pose by the noise that the contours show there (`docs/math.md`, eq. 11.9 to 11.14).
+//! The sandwich covariance of a pose under the contours' correlated noise (`docs/math.md`, eq. 11.9 to 11.14).
 
 use std::ops::Range;
 
 use nalgebra::{Matrix2, Matrix6, Vector2};
 
 use super::correlation::correlation;
+use super::degrees_of_freedom::{PRIOR_OBSERVATIONS, observation_count, residual_dof};
 use super::fit::ContourFit;
-use super::numbers::{BEFORE, telling, told};
 use super::readings::{Contour, Reading};
-use crate::equations::information::{Information, free, honest};
+use crate::equations::information::{Information, free, validated_covariance};
 use crate::equations::normal_equations::{in_lanes, outer_products, turned};
 use crate::geometry::pose::PARAMETERS;
 use crate::math::lanes::{Lanes, NullaryFnOnce, vectorized};
@@ -71,7 +71,7 @@ pub fn covariance(contours: &[Contour], fit: &ContourFit) -> Matrix6<f64> {
     let steepness = (rows.sum(|row| row.slope) / rows.sum(|row| row.weight)).max(LEAST_SLOPE);
     let [information] = rows.products(|_, row| [row.weight * steepness]);
     let Some(information) = Information::holding(&information) else { return free() };
-    honest(&information.covariance_with(&scatter(&rows, &information.covariance())))
+    validated_covariance(&information.covariance_with(&scatter(&rows, &information.covariance())))
 }
 
 /// Scatter of the gradient: of pieces that vary by themselves, and of sides whose ends are off; `inverse` that of the information.
@@ -88,16 +88,17 @@ fn scatter(rows: &Rows<'_>, inverse: &Matrix6<f64>) -> Matrix6<f64> {
         let single = factor * pulls[index] * pulls[index] + floor * square;
         [single, square * (row.reading.distance * row.reading.distance + floor)]
     });
-    let telling = telling(rows.contours, rows.step);
+    let telling = residual_dof(rows.contours, rows.step);
     let variance = corners_variance(rows) * straightness(&rows.all, &rests, &sides);
     // Four corners fit many a pose closely: what is left of so few says little of how far off they are.
-    let variance = ((telling - BEFORE) * variance + BEFORE * WITHIN_PIXEL) / telling;
+    let variance = ((telling - PRIOR_OBSERVATIONS) * variance + PRIOR_OBSERVATIONS * WITHIN_PIXEL) / telling;
     let scatter = single + corners_scatter(rows, &sides, variance);
     // A side that is off as a whole is two measurements, whatever the number of its pieces.
     let alike = (inverse * scatter).trace() / (inverse * independent).trace().max(f64::MIN_POSITIVE);
     // Six parameters leave so much less of the distances that vary independently.
     let parameters = PARAMETERS as f64;
-    let measurements = (held / alike.max(1.0)).min(told(rows.contours, rows.step)).max(parameters + STUDENT + 1.0);
+    let measurements =
+        (held / alike.max(1.0)).min(observation_count(rows.contours, rows.step)).max(parameters + STUDENT + 1.0);
     scatter * (measurements / (measurements - parameters - STUDENT))
 }
 
@@ -109,11 +110,11 @@ impl<'a> Rows<'a> {
         let count = counts.iter().sum();
         let (mut all, mut derivatives) = (Vec::with_capacity(count), Vec::with_capacity(count));
         let mixture = &fit.mixture;
-        let ratio = (mixture.sigma / mixture.wide).powi(2);
+        let ratio = (mixture.sigma / mixture.outlier_sigma).powi(2);
         for ((region, known), contour) in fit.regions().zip(contours) {
             let odds = mixture.odds(region);
             let known = (fit.step() == step).then_some(known);
-            contour.for_each_row(&fit.pose, step, known, fit.astray(), |reading, derivative, run| {
+            contour.for_each_row(&fit.pose, step, known, fit.outlier_threshold(), |reading, derivative, run| {
                 let (clean, weight) = odds.clean_and_weight(&reading);
                 // The weight falls as the piece's chance to be clean does.
                 let fall = clean * (1.0 - clean) * (1.0 - ratio).powi(2) * (reading.distance / mixture.sigma).powi(2);

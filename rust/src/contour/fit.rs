@@ -1,4 +1,4 @@
-//! What the contours show at a pose, and the likeliest pose near one (`docs/math.md`, section 11).
+//! Robust registration of projected boundaries to contours, by expectation maximization (`docs/math.md`, section 11).
 
 use std::f64::consts::FRAC_PI_2;
 use std::sync::OnceLock;
@@ -8,7 +8,7 @@ use nalgebra::{Matrix6, Vector6};
 use super::correlation::{centered, correlation, mean, sigmas, split};
 use super::mixture::{Distances, Mixture, SCALE_STEP};
 use super::readings::{Contour, Reading};
-use super::votes::{Vote, decided, of_counted};
+use super::region_preference::{RegionPreference, compare_by_region, of_counted};
 use crate::effort;
 use crate::equations::normal_equations::NormalEquations;
 use crate::geometry::pose::{Pose, Tangent};
@@ -47,8 +47,8 @@ const LONGEST_STEP: f64 = 0.1;
 const RIDGE: f64 = 1e-9;
 
 /// A piece is astray at this many standard deviations of the clean ones; a clean contour has such pieces at corners alone.
-const ASTRAY: f64 = 4.0;
-const FEW_ASTRAY: f64 = 0.02;
+const OUTLIER_SIGMAS: f64 = 4.0;
+const MAX_OUTLIER_FRACTION: f64 = 0.02;
 
 /// Standard deviation of the pieces' distances, pixels, above which a contour isn't clean, however even they are.
 const CLEAN_SIGMA: f64 = 1.0;
@@ -118,8 +118,8 @@ impl ContourFit {
 
     /// The distance beyond which a piece is astray, pixels.
     #[doc(hidden)]
-    pub fn astray(&self) -> f64 {
-        ASTRAY * self.mixture.sigma
+    pub fn outlier_threshold(&self) -> f64 {
+        OUTLIER_SIGMAS * self.mixture.sigma
     }
 
     fn of_each<T>(&self, value: impl Fn(usize, &Reading) -> T) -> Vec<T> {
@@ -141,9 +141,9 @@ impl ContourFit {
     /// Whether the pieces scatter by less than a pixel, and hardly one lies far off.
     #[doc(hidden)]
     pub fn is_clean(&self) -> bool {
-        let limit = self.astray();
-        let astray = self.readings.iter().filter(|reading| reading.misfit > limit).count();
-        self.mixture.sigma < CLEAN_SIGMA && (astray as f64) < FEW_ASTRAY * self.readings.len() as f64
+        let limit = self.outlier_threshold();
+        let outliers = self.readings.iter().filter(|reading| reading.robust_distance > limit).count();
+        self.mixture.sigma < CLEAN_SIGMA && (outliers as f64) < MAX_OUTLIER_FRACTION * self.readings.len() as f64
     }
 
     /// Pieces of the contours that vary independently of each other.
@@ -209,9 +209,9 @@ impl ContourFit {
     /// decided. Where regions belong to one of both poses alone, more regions decide, not longer contours, and of as many on either
     /// side those that lie farther off at the other pose.
     #[doc(hidden)]
-    pub fn against(&self, other: &Self, numbers: f64) -> f64 {
-        let votes = self.votes(other);
-        decided(&votes, [&self.distances(), &other.distances()], |counted| {
+    pub fn deviance_to(&self, other: &Self, numbers: f64) -> f64 {
+        let preferences = self.region_preferences(other);
+        compare_by_region(&preferences, [&self.distances(), &other.distances()], |counted| {
             let densities = |fit: &Self| fit.of_each(|region, reading| fit.mixture.log_density(region, reading));
             let differences = densities(self).into_iter().zip(densities(other)).map(|(a, b)| a - b).collect::<Vec<_>>();
             let share = self.independent().min(numbers) / self.readings.len().max(1) as f64;
@@ -224,7 +224,7 @@ impl ContourFit {
     /// Root of the mean square of the distances of each region's pieces, pixels.
     fn distances(&self) -> Vec<f64> {
         let of = |(_, readings): (usize, &[Reading])| {
-            let squares: f64 = readings.iter().map(|reading| reading.misfit * reading.misfit).sum();
+            let squares: f64 = readings.iter().map(|reading| reading.robust_distance * reading.robust_distance).sum();
             (squares / readings.len().max(1) as f64).sqrt()
         };
         self.regions().map(of).collect()
@@ -233,13 +233,14 @@ impl ContourFit {
     /// Which of this pose and another each region belongs to: alone to one where half more of its contour lies on the projection
     /// than at the other. Both are held to the closer one's scatter, as of one photo.
     #[doc(hidden)]
-    pub fn votes(&self, other: &Self) -> Vec<Vote> {
-        let limit = self.astray().min(other.astray());
+    pub fn region_preferences(&self, other: &Self) -> Vec<RegionPreference> {
+        let limit = self.outlier_threshold().min(other.outlier_threshold());
         let on_contour = |readings: &[Reading]| {
-            readings.iter().filter(|reading| reading.misfit <= limit).count() as f64 / readings.len().max(1) as f64
+            readings.iter().filter(|reading| reading.robust_distance <= limit).count() as f64
+                / readings.len().max(1) as f64
         };
         let shares = self.regions().zip(other.regions()).map(|((_, own), (_, others))| [own, others].map(on_contour));
-        shares.map(|[own, others]| Vote::of(own > others + MOSTLY, others > own + MOSTLY)).collect()
+        shares.map(|[own, others]| RegionPreference::of(own > others + MOSTLY, others > own + MOSTLY)).collect()
     }
 }
 
@@ -264,12 +265,12 @@ impl Readings {
 
     /// The distance within which half of the pieces lie, pixels.
     fn median(&self) -> f64 {
-        let mut misfits: Vec<f64> = self.all.iter().map(|reading| reading.misfit).collect();
-        let middle = misfits.len() / 2;
-        if misfits.is_empty() {
+        let mut distances: Vec<f64> = self.all.iter().map(|reading| reading.robust_distance).collect();
+        let middle = distances.len() / 2;
+        if distances.is_empty() {
             return 0.0;
         }
-        *misfits.select_nth_unstable_by(middle, f64::total_cmp).1
+        *distances.select_nth_unstable_by(middle, f64::total_cmp).1
     }
 
     fn mean_log_density(&self, mixture: &Mixture) -> f64 {
@@ -283,13 +284,13 @@ impl Readings {
 
 /// How likely poses are that aren't refined: mean logarithms of the density of some pieces by one mixture for all.
 #[derive(Debug, Clone)]
-pub struct Sketch<'a> {
+pub struct FixedMixture<'a> {
     contours: &'a [Contour],
     step: usize,
     mixture: Mixture,
 }
 
-impl<'a> Sketch<'a> {
+impl<'a> FixedMixture<'a> {
     /// A sketch by every `step`-th piece.
     pub fn new(contours: &'a [Contour], step: usize) -> Self {
         let size = contours.iter().map(Contour::size).fold(0.0, f64::max);
@@ -298,7 +299,7 @@ impl<'a> Sketch<'a> {
 
     /// Minus the mean logarithm of the density at a pose; infinite where a region is out of view, and the largest number
     /// where no effort is left to look.
-    pub fn misfit(&self, pose: &Pose) -> f64 {
+    pub fn negative_log_density(&self, pose: &Pose) -> f64 {
         if effort::is_spent() {
             return f64::MAX;
         }
@@ -320,7 +321,7 @@ pub fn refined(contours: &[Contour], start: &Pose, step: usize) -> Option<Contou
 /// The same from a fit to fewer pieces, from whose own scatter the scale falls: what is astray there stays so.
 pub fn refined_again(contours: &[Contour], fit: &ContourFit, step: usize) -> Option<ContourFit> {
     let readings = Readings::at(contours, &fit.pose, step)?;
-    refined_from(contours, &fit.pose, step, readings, fit.astray())
+    refined_from(contours, &fit.pose, step, readings, fit.outlier_threshold())
 }
 
 fn refined_from(

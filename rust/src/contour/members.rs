@@ -1,4 +1,4 @@
-//! Which regions belong to a pose: the odds of each one's indicator (`docs/math.md`, eq. 11.8).
+//! Posterior odds that each region is an inlier of a pose (`docs/math.md`, eq. 11.8).
 
 use super::fit::{ContourFit, MOSTLY};
 use super::readings::Reading;
@@ -34,7 +34,8 @@ pub fn log_odds(fit: &ContourFit) -> Vec<f64> {
 /// The regions of whose contours half more is off than of the cleanest of the others: what disturbs these does not explain it. What
 /// lies within half a pixel is not off, however much closer other regions fit.
 pub fn contradicted(fit: &ContourFit) -> Vec<bool> {
-    let near = |readings: &[Reading]| readings.iter().filter(|reading| reading.misfit < HALF_A_PIXEL).count() as f64;
+    let near =
+        |readings: &[Reading]| readings.iter().filter(|reading| reading.robust_distance < HALF_A_PIXEL).count() as f64;
     let shares = fit.clean_shares().into_iter().zip(fit.regions());
     let shares: Vec<f64> =
         shares.map(|(clean, (_, readings))| clean.max(near(readings) / readings.len().max(1) as f64)).collect();

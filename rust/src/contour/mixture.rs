@@ -36,9 +36,9 @@ pub struct Mixture {
     /// Standard deviation of the clean ones, pixels.
     pub sigma: f64,
     /// Standard deviation of the disturbed ones, pixels.
-    pub wide: f64,
+    pub outlier_sigma: f64,
     /// Share of the disturbed ones, region by region.
-    pub disturbed: Vec<f64>,
+    pub outlier_fractions: Vec<f64>,
     /// Mean logarithm of the density over all pieces, in 1 / pixels.
     pub likelihood: f64,
 }
@@ -47,7 +47,12 @@ impl Mixture {
     /// A mixture that is not fitted: half of the pieces of so many regions clean, the rest disturbed.
     #[doc(hidden)]
     pub fn even(sigma: f64, wide: f64, regions: usize) -> Self {
-        Self { sigma, wide: wide.max(SCALE_STEP * sigma), disturbed: vec![0.5; regions], likelihood: f64::NAN }
+        Self {
+            sigma,
+            outlier_sigma: wide.max(SCALE_STEP * sigma),
+            outlier_fractions: vec![0.5; regions],
+            likelihood: f64::NAN,
+        }
     }
 
     /// Probability that a piece of a region is clean.
@@ -59,18 +64,18 @@ impl Mixture {
     /// Logarithm of the density at a piece of a region, in 1 / pixels.
     #[doc(hidden)]
     pub fn log_density(&self, region: usize, reading: &Reading) -> f64 {
-        let square = reading.misfit * reading.misfit;
-        let disturbed = self.disturbed[region];
-        log_sum((1.0 - disturbed) * density(square, self.sigma), disturbed * density(square, self.wide))
+        let square = reading.robust_distance * reading.robust_distance;
+        let disturbed = self.outlier_fractions[region];
+        log_sum((1.0 - disturbed) * density(square, self.sigma), disturbed * density(square, self.outlier_sigma))
     }
 
     /// What tells a region's clean pieces from its disturbed ones.
     #[doc(hidden)]
     pub fn odds(&self, region: usize) -> Odds {
-        let (disturbed, ratio) = (self.disturbed[region], self.sigma / self.wide);
+        let (disturbed, ratio) = (self.outlier_fractions[region], self.sigma / self.outlier_sigma);
         Odds {
             nearest: disturbed / (1.0 - disturbed) * ratio,
-            fall: 0.5 * (self.sigma.powi(-2) - self.wide.powi(-2)),
+            fall: 0.5 * (self.sigma.powi(-2) - self.outlier_sigma.powi(-2)),
             least: ratio * ratio,
         }
     }
@@ -90,7 +95,7 @@ pub struct Odds {
 impl Odds {
     /// Probability that a piece is clean.
     pub fn clean_probability(&self, reading: &Reading) -> f64 {
-        1.0 / (1.0 + self.nearest * (self.fall * (reading.misfit * reading.misfit)).exp())
+        1.0 / (1.0 + self.nearest * (self.fall * (reading.robust_distance * reading.robust_distance)).exp())
     }
 
     /// Weight of a piece's squared distance: what the logarithm of the density falls with it by, over that of a clean one.
@@ -128,7 +133,8 @@ fn binned(distances: impl Iterator<Item = f64>) -> Vec<(f64, f64)> {
 impl Distances {
     /// The histograms of readings, region by region.
     pub fn new<'a>(regions: impl Iterator<Item = &'a [Reading]>) -> Self {
-        let regions: Vec<_> = regions.map(|region| binned(region.iter().map(|reading| reading.misfit))).collect();
+        let regions: Vec<_> =
+            regions.map(|region| binned(region.iter().map(|reading| reading.robust_distance))).collect();
         let count = regions.iter().flatten().map(|bin| bin.1).sum();
         Self { regions, count }
     }
@@ -159,8 +165,8 @@ impl Distances {
     pub fn mixture_of(&self, sigma: f64, spread: f64) -> Mixture {
         let mut mixture = Mixture {
             sigma,
-            wide: (FIRST_WIDE * spread).max(SCALE_STEP * sigma),
-            disturbed: vec![FIRST_SHARE; self.regions.len()],
+            outlier_sigma: (FIRST_WIDE * spread).max(SCALE_STEP * sigma),
+            outlier_fractions: vec![FIRST_SHARE; self.regions.len()],
             likelihood: f64::NAN,
         };
         self.improve_times(ITERATIONS, &mut mixture, None);
@@ -175,9 +181,9 @@ impl Distances {
     /// One step of expectation and maximization; the narrow scale stays as it is, or at least `finest` where that is given.
     fn improve(&self, mixture: &mut Mixture, finest: Option<f64>) {
         let (mut others, mut squares, mut all, mut all_squares) = (0.0, 0.0, 0.0, 0.0);
-        let fall = 0.5 * (mixture.sigma.powi(-2) - mixture.wide.powi(-2));
-        let ratio = mixture.sigma / mixture.wide;
-        for (bins, share) in self.regions.iter().zip(&mut mixture.disturbed) {
+        let fall = 0.5 * (mixture.sigma.powi(-2) - mixture.outlier_sigma.powi(-2));
+        let ratio = mixture.sigma / mixture.outlier_sigma;
+        for (bins, share) in self.regions.iter().zip(&mut mixture.outlier_fractions) {
             let odds = *share / (1.0 - *share) * ratio;
             let (mut count, mut disturbed, certain) = (0.0, 0.0, (CERTAIN / odds).ln());
             for &(square, held) in bins {
@@ -197,18 +203,21 @@ impl Distances {
             mixture.sigma =
                 ((all_squares - squares) / (all - others).max(f64::MIN_POSITIVE)).max(0.0).sqrt().max(finest);
         }
-        mixture.wide = (squares / others.max(f64::MIN_POSITIVE)).sqrt().max(SCALE_STEP * mixture.sigma);
+        mixture.outlier_sigma = (squares / others.max(f64::MIN_POSITIVE)).sqrt().max(SCALE_STEP * mixture.sigma);
     }
 
     /// Mean logarithm of the density over all pieces.
     fn likelihood(&self, mixture: &Mixture) -> f64 {
         let of = |(bins, share): (&Vec<(f64, f64)>, &f64)| {
             let log = |&(square, held): &(f64, f64)| {
-                held * log_sum((1.0 - share) * density(square, mixture.sigma), share * density(square, mixture.wide))
+                held * log_sum(
+                    (1.0 - share) * density(square, mixture.sigma),
+                    share * density(square, mixture.outlier_sigma),
+                )
             };
             bins.iter().map(log).sum::<f64>()
         };
-        self.regions.iter().zip(&mixture.disturbed).map(of).sum::<f64>() / self.count.max(1.0)
+        self.regions.iter().zip(&mixture.outlier_fractions).map(of).sum::<f64>() / self.count.max(1.0)
     }
 }
 

@@ -1,14 +1,14 @@
-//! The observed contour: how far a projected boundary lies from it, and how likely that makes a pose.
+//! Observed contours: point-to-boundary residuals, their robust likelihood, registration and covariance.
 
 mod boundary;
 pub mod correlation;
 pub mod covariance;
 pub mod creases;
+pub mod degrees_of_freedom;
 pub mod fit;
 pub mod members;
 pub mod mixture;
 mod neighbors;
-pub mod numbers;
 pub mod pieces;
 pub mod readings;
-pub mod votes;
+pub mod region_preference;

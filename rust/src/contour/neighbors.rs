@@ -1,4 +1,4 @@
-//! Regions that lie beside each other in the image, found without a look at all pairs.
+//! Regions that are adjacent in the image, by a sweep over their boxes.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! The parts of equal length that an observed contour is cut into (`docs/math.md`, eq. 11.1).
+//! Observed contours resampled to segments of equal length (`docs/math.md`, eq. 11.1).
 
 use std::mem;
 

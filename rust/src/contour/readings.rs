@@ -67,7 +67,7 @@ pub struct Reading {
     /// Mean square of its points about their mean across the boundary, squared pixels.
     pub spread: f64,
     /// How far off it counts: as far as its mean, farther where it runs across the boundary, pixels.
-    pub misfit: f64,
+    pub robust_distance: f64,
     /// The edge of the boundary that it is nearest to, counted over all rings.
     pub edge: u32,
 }
@@ -104,7 +104,7 @@ impl Contour {
     }
 
     /// One piece in so many of all contours of a problem is what a first look takes.
-    pub fn few(&self) -> usize {
+    pub fn coarse_stride(&self) -> usize {
         self.few
     }
 
@@ -273,8 +273,8 @@ impl Contour {
         let (distance, spread) = (self.pixels * value, foot.normal.dot(&(piece.spread * foot.normal)));
         let crossing = CROSSING * (spread - (piece.spread.trace() - spread) / ALIGNED).max(0.0);
         let squared = self.pixels * self.pixels;
-        let misfit = (distance * distance + squared * crossing).sqrt();
-        (Reading { distance, spread: squared * spread, misfit, edge: index as u32 }, foot)
+        let robust_distance = (distance * distance + squared * crossing).sqrt();
+        (Reading { distance, spread: squared * spread, robust_distance, edge: index as u32 }, foot)
     }
 
     /// Derivatives of a distance along the chart's axes (`docs/math.md`, eq. 11.3).

@@ -125,7 +125,7 @@ pub fn integration_mesh(_: &PlaneRings, _: System, _: Option<f64>) -> Result<Pla
 
 fn planar_facet(world: &WorldRegion, origin: &Vector3<f64>, system: System, integration: Integration) -> Result<Facet> {
     let frame = world.frame();
-    let lift = |p: &Vector2<f64>| frame.lifted(p) - origin;
+    let lift = |p: &Vector2<f64>| frame.to_world(p) - origin;
     let shape = match integration {
         Integration::Mesh { size } => {
             let mesh = integration_mesh(world.outline(), system, size)?;
@@ -138,7 +138,7 @@ fn planar_facet(world: &WorldRegion, origin: &Vector3<f64>, system: System, inte
 
 /// Rings of a world region's plane in the world about `origin`.
 fn rings_of(rings: &[Vec<Vector2<f64>>], world: &WorldRegion, origin: &Vector3<f64>) -> Shape {
-    let lift = |p: &Vector2<f64>| world.frame().lifted(p) - origin;
+    let lift = |p: &Vector2<f64>| world.frame().to_world(p) - origin;
     let ring = |ring: &Vec<Vector2<f64>>| SpaceRing::new(ring.iter().map(lift).collect());
     Shape::Rings(rings.iter().map(ring).collect())
 }

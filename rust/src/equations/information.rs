@@ -1,4 +1,4 @@
-//! What an information matrix of a pose's increment leaves uncertain, as far as double precision tells (`docs/math.md`, section 10).
+//! Covariance from an information matrix, with directions that it leaves free (`docs/math.md`, section 10).
 
 use nalgebra::{Matrix6, Vector6};
 
@@ -46,7 +46,7 @@ impl Information {
 }
 
 /// A covariance as it may leave the crate: symmetric and positive, or infinite where double precision does not tell that it is.
-pub fn honest(covariance: &Matrix6<f64>) -> Matrix6<f64> {
+pub fn validated_covariance(covariance: &Matrix6<f64>) -> Matrix6<f64> {
     let symmetric = (covariance + covariance.transpose()) * 0.5;
     let inverse = symmetric.diagonal().map(|variance| variance.sqrt().recip());
     let known = inverse.iter().all(|entry| entry.is_normal());
@@ -109,13 +109,13 @@ mod tests {
     #[test]
     fn a_covariance_with_a_negative_variance_is_none() {
         let good = Information::holding(&information(1e-9, 0.3)).unwrap().covariance();
-        assert_eq!(honest(&good), good);
+        assert_eq!(validated_covariance(&good), good);
         let mut bad = Matrix6::identity();
         bad[(4, 4)] = -1e-9;
-        assert_eq!(honest(&bad), free());
+        assert_eq!(validated_covariance(&bad), free());
         let mut bad = Matrix6::identity();
         (bad[(0, 1)], bad[(1, 0)]) = (2.0, 2.0);
-        assert_eq!(honest(&bad), free());
-        assert_eq!(honest(&Matrix6::from_element(f64::NAN)), free());
+        assert_eq!(validated_covariance(&bad), free());
+        assert_eq!(validated_covariance(&Matrix6::from_element(f64::NAN)), free());
     }
 }

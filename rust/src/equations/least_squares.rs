@@ -13,7 +13,7 @@ use crate::geometry::pose::{Pose, Tangent};
 
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stopping {
+pub struct TerminationCriteria {
     /// Relative change of the cost and of the pose at which a minimum counts as reached.
     pub tolerance: f64,
     /// Most evaluations of the equations.
@@ -98,7 +98,12 @@ const GOOD_GAIN: f64 = 0.75;
 const STRONGEST_SHRINK: f64 = 0.1;
 
 /// The minimum of the squared residuals of `regions` that is reached from `start`.
-pub fn minimize(regions: &[RegionEquations], start: &Pose, weighting: Weighting, stopping: Stopping) -> Minimum {
+pub fn minimize(
+    regions: &[RegionEquations],
+    start: &Pose,
+    weighting: Weighting,
+    criteria: TerminationCriteria,
+) -> Minimum {
     let evaluate = |pose: &Pose| normal_equations(regions, pose, weighting);
     let Some(equations) = evaluate(start) else {
         let termination = Termination::OutOfView;
@@ -107,7 +112,7 @@ pub fn minimize(regions: &[RegionEquations], start: &Pose, weighting: Weighting,
     };
     let mut descent = Descent::new(start, equations);
     let termination = loop {
-        if let Some(termination) = descent.step(evaluate, stopping) {
+        if let Some(termination) = descent.step(evaluate, criteria) {
             break termination;
         }
     };
@@ -152,8 +157,12 @@ impl Descent {
     }
 
     /// Tries one step and takes it if it leads down; what ended the iteration, if anything.
-    fn step(&mut self, evaluate: impl Fn(&Pose) -> Option<NormalEquations>, stopping: Stopping) -> Option<Termination> {
-        if let Some(termination) = self.over(stopping) {
+    fn step(
+        &mut self,
+        evaluate: impl Fn(&Pose) -> Option<NormalEquations>,
+        criteria: TerminationCriteria,
+    ) -> Option<Termination> {
+        if let Some(termination) = self.over(criteria) {
             return Some(termination);
         }
         let back = self.back();
@@ -166,7 +175,7 @@ impl Descent {
             self.radius = self.radius.min(step.norm());
         }
         let pose = self.pose.moved(&step.component_mul(&back));
-        if damping == 0.0 && 2.0 * step.norm() <= stopping.tolerance * self.sizes.norm() {
+        if damping == 0.0 && 2.0 * step.norm() <= criteria.tolerance * self.sizes.norm() {
             self.take_unseen(pose, Gain::new(&model, &step, damping, self.equations.cost, None).predicted);
             return Some(Termination::PoseTolerance);
         }
@@ -174,7 +183,7 @@ impl Descent {
         self.evaluations += 1;
         let gain = Gain::new(&model, &step, damping, self.equations.cost, reached.as_ref());
         self.adapt_radius(&gain, step.norm());
-        let termination = self.ended(&gain, reached.is_some(), stopping);
+        let termination = self.ended(&gain, reached.is_some(), criteria);
         if let Some(equations) = reached.filter(|_| gain.ratio() >= LEAST_GAIN) {
             (self.pose, self.equations) = (pose, equations);
             self.resize();
@@ -194,7 +203,7 @@ impl Descent {
     }
 
     /// What ends the iteration before another step.
-    fn over(&self, stopping: Stopping) -> Option<Termination> {
+    fn over(&self, criteria: TerminationCriteria) -> Option<Termination> {
         let NormalEquations { cost, gradient, .. } = &self.equations;
         if !(cost.is_finite() && self.sizes.norm().is_finite()) || self.sizes.norm() == 0.0 {
             return Some(Termination::NotFinite);
@@ -208,7 +217,7 @@ impl Descent {
         if effort::is_spent() {
             return Some(Termination::WorkLimit);
         }
-        (self.evaluations >= stopping.evaluations).then_some(Termination::EvaluationLimit)
+        (self.evaluations >= criteria.evaluations).then_some(Termination::EvaluationLimit)
     }
 
     fn adapt_radius(&mut self, gain: &Gain, length: f64) {
@@ -223,12 +232,12 @@ impl Descent {
     }
 
     /// What ends the iteration after a step.
-    fn ended(&self, gain: &Gain, in_view: bool, stopping: Stopping) -> Option<Termination> {
+    fn ended(&self, gain: &Gain, in_view: bool, criteria: TerminationCriteria) -> Option<Termination> {
         let is_short = |share: f64| self.radius <= share * self.sizes.norm();
-        if gain.is_flat(stopping.tolerance) {
+        if gain.is_flat(criteria.tolerance) {
             return Some(Termination::CostTolerance);
         }
-        if is_short(stopping.tolerance) {
+        if is_short(criteria.tolerance) {
             return Some(if in_view { Termination::PoseTolerance } else { Termination::OutOfView });
         }
         (gain.is_flat(f64::EPSILON) || is_short(f64::EPSILON)).then_some(Termination::RoundOff)

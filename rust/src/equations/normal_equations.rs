@@ -1,4 +1,4 @@
-//! The sums over equations that least squares need.
+//! The normal equations of least squares.
 
 use std::ops::AddAssign;
 

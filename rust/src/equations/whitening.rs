@@ -1,4 +1,4 @@
-//! The scale on which moments are compared: their covariance under independent noise of the observed boundary.
+//! Whitening of the residuals: the moments' covariance under independent boundary noise, factored.
 
 use nalgebra::{Vector2, Vector3};
 

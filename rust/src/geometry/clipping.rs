@@ -1,4 +1,4 @@
-//! The part of one region that lies in another (Weiler and Atherton 1977).
+//! Intersection of two polygons with holes (Weiler and Atherton 1977).
 //!
 //! Every decision is an exact predicate on the first region moved by an infinitesimal step, along x first and then, far
 //! smaller still, along y: no vertex then lies on an edge of the other region, so that vertices that touch and edges that

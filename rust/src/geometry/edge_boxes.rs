@@ -1,4 +1,4 @@
-//! Edges in boxes, boxes in larger ones: which edges may be near a place, without a look at all of them.
+//! A bounding volume hierarchy of edges: those whose boxes are near a point.
 
 use std::ops::Range;
 

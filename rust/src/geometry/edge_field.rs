@@ -1,4 +1,4 @@
-//! The nearest edge of closed rings to any point of their plane (`docs/math.md`, section 11).
+//! Nearest-edge queries to closed rings (`docs/math.md`, section 11).
 //!
 //! Rings never change while poses do: which edges may be nearest in a cell of a grid is found once, after a few points
 //! fell into it, and the nearest one is then a look-up and a few distances. Points need not lie on any outline.

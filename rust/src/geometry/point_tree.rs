@@ -1,4 +1,4 @@
-//! Points along a line in balls, balls in larger ones: the point farthest from a chord, without a look at all of them.
+//! A ball tree of points along a line: the point farthest from a chord.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! Rigid poses and their increments.
+//! Rigid transforms SE(3), their left increments and Jacobians.
 
 use nalgebra::{Isometry3, Matrix3, Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6};
 

@@ -1,4 +1,4 @@
-//! Edges of rings in parts, parts in larger ones: what lies beside an edge, without a look at all of the rings.
+//! A bounding volume hierarchy of rings' edges: what lies beside an edge.
 //!
 //! A part is known by a box, by a rectangle along its longest edge, which is far more slender for neighbors that run side by side,
 //! and by where it begins and ends.

@@ -1,4 +1,4 @@
-//! Rings without the vertices that hardly bend them.
+//! Polyline simplification of closed rings (Douglas and Peucker 1973).
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

@@ -51,13 +51,13 @@ impl PlaneFrame {
     }
 
     /// Plane coordinates of a world point, its height above the plane left out.
-    pub fn flat(&self, point: &Vector3<f64>) -> Vector2<f64> {
+    pub fn to_plane(&self, point: &Vector3<f64>) -> Vector2<f64> {
         let offset = point - self.origin;
         Vector2::new(self.axes[0].dot(&offset), self.axes[1].dot(&offset))
     }
 
     /// The world point at plane coordinates.
-    pub fn lifted(&self, point: &Vector2<f64>) -> Vector3<f64> {
+    pub fn to_world(&self, point: &Vector2<f64>) -> Vector3<f64> {
         self.origin + self.axes[0] * point.x + self.axes[1] * point.y
     }
 

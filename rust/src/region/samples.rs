@@ -39,7 +39,7 @@ impl Samples {
         let allowed = OFF_PLANE * extent(inside).max(extent(outside));
         check_near(frame, "an inside sample", inside, allowed)?;
         check_near(frame, "an outside sample", outside, allowed)?;
-        let flat = |points: &[Vector3<f64>]| points.iter().map(|point| frame.flat(point)).collect();
+        let flat = |points: &[Vector3<f64>]| points.iter().map(|point| frame.to_plane(point)).collect();
         Ok(Self { inside: flat(inside), outside: flat(outside), enclosed: Vec::new() })
     }
 
@@ -49,9 +49,9 @@ impl Samples {
     /// As of [`Samples::new`].
     pub fn with_enclosed(self, frame: &PlaneFrame, enclosed: &[Vector3<f64>]) -> Result<Self> {
         check_finite("outside sample", enclosed)?;
-        let inside: Vec<_> = self.inside.iter().map(|p| frame.lifted(p)).collect();
+        let inside: Vec<_> = self.inside.iter().map(|p| frame.to_world(p)).collect();
         check_near(frame, "an outside sample", enclosed, OFF_PLANE * extent(&inside))?;
-        Ok(Self { enclosed: enclosed.iter().map(|point| frame.flat(point)).collect(), ..self })
+        Ok(Self { enclosed: enclosed.iter().map(|point| frame.to_plane(point)).collect(), ..self })
     }
 
     /// Places inside the region, plane coordinates.

@@ -84,7 +84,7 @@ impl SampledRegion {
     /// The samples of the region of that place in a problem, about `origin`; `None` where it has none.
     pub fn new(index: usize, region: &RegionEquations, world: &WorldRegion, origin: &Vector3<f64>) -> Option<Self> {
         let samples = world.samples()?;
-        let lifted = |inside: bool| move |p| (world.frame().lifted(p) - origin, inside);
+        let lifted = |inside: bool| move |p| (world.frame().to_world(p) - origin, inside);
         let inside = samples.inside().iter().map(lifted(true));
         // What a contour without holes encloses is not compared: a drawn wall holds its windows, a scan looks through
         // them.

@@ -1,10 +1,10 @@
-//! When a pose counts as found on the contours.
+//! Acceptance tests of a fit: its scatter, its inlier fraction and its evidence.
 
 use crate::contour::fit::{ContourFit, MOSTLY};
 use crate::contour::members::least_evidence;
 
 /// Scatter of the clean pieces, pixels, above which nothing counts as found yet: several times that of any mask or drawing.
-pub const LOOSE: f64 = 2.0;
+pub const LOOSE_SIGMA: f64 = 2.0;
 
 /// Gain of log likelihood below which a pose led onto the contours isn't preferred to the moments': six parameters gain 3 by
 /// chance, and 7 more stand for odds of a thousand to one.
@@ -13,10 +13,10 @@ pub(super) const DECISIVE: f64 = 10.0;
 /// Whether the contours of several regions tell that all are where a pose shows them. That of one alone does not: three of its sides
 /// can be led onto any three lines.
 pub(super) fn is_found(fit: &ContourFit) -> bool {
-    fit.regions().count() > 1 && fit.mixture.sigma < LOOSE && least_evidence(fit) >= DECISIVE
+    fit.regions().count() > 1 && fit.mixture.sigma < LOOSE_SIGMA && least_evidence(fit) >= DECISIVE
 }
 
 /// Whether most of every region's contour is explained.
 pub(super) fn is_mostly_clean(fit: &ContourFit) -> bool {
-    fit.mixture.sigma < LOOSE && fit.clean_shares().iter().all(|&share| share >= MOSTLY)
+    fit.mixture.sigma < LOOSE_SIGMA && fit.clean_shares().iter().all(|&share| share >= MOSTLY)
 }

@@ -70,5 +70,5 @@ fn far_apart(sights: Vec<Sight>, most: usize) -> Vec<Sight> {
 fn middle(world: &WorldRegion) -> Vector3<f64> {
     let moments = planar_moments(world.outline().rings().iter().map(Vec::as_slice), 1);
     let area = moments.get(0, 0);
-    world.frame().lifted(&[moments.get(1, 0) / area, moments.get(0, 1) / area].into())
+    world.frame().to_world(&[moments.get(1, 0) / area, moments.get(0, 1) / area].into())
 }

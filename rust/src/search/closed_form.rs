@@ -58,7 +58,7 @@ pub fn facing(
             let world_axes = axes_from(&normal, &first, &frame.axes[0]);
             let chart_axes = axes_from(&-Vector3::z(), &up.map_or(-Vector3::y(), |_| camera_up), &Vector3::x());
             let rotation = Rotation3::from_matrix_unchecked(chart_axes * world_axes.transpose());
-            let center = frame.lifted(&mean) - origin;
+            let center = frame.to_world(&mean) - origin;
             let translation = Vector3::z() * depth - rotation * center;
             let back = chart.rotation.inverse();
             Pose::new(back * rotation, back * translation)
@@ -73,7 +73,7 @@ pub fn facing(
 /// at either.
 pub fn conjugate(pose: &Pose, world: &WorldRegion, origin: &Vector3<f64>) -> Pose {
     let frame = world.frame();
-    let center = frame.lifted(&centroid(&planar_moments(slices(world.outline()), 1))) - origin;
+    let center = frame.to_world(&centroid(&planar_moments(slices(world.outline()), 1))) - origin;
     let place = pose.transform(&center);
     let half_turn = |axis: &Vector3<f64>| Rotation3::from_scaled_axis(axis * std::f64::consts::PI);
     let rotation = half_turn(&place.normalize()) * pose.rotation * half_turn(&frame.axes[2]);
@@ -97,7 +97,7 @@ fn posed(
 ) -> Pose {
     let plane_from_world = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&frame.axes).transpose());
     let rotation = chart_from_plane.rotation * plane_from_world;
-    let translation = chart_from_plane.translation - rotation * (frame.lifted(mean) - origin);
+    let translation = chart_from_plane.translation - rotation * (frame.to_world(mean) - origin);
     let back = chart.rotation.inverse();
     Pose::new(back * rotation, back * translation)
 }

@@ -133,6 +133,6 @@ fn observed_corners(outline: &PlaneRings, pixel: f64) -> Vec<Vec<Corner<Vector2<
 }
 
 fn world_corners(world: &WorldRegion) -> Vec<Vec<Corner<Vector3<f64>>>> {
-    let corners = |ring: &Vec<Vector3<f64>>| turning(ring.clone(), |x| world.frame().flat(x));
+    let corners = |ring: &Vec<Vector3<f64>>| turning(ring.clone(), |x| world.frame().to_plane(x));
     world.corners().iter().map(corners).collect()
 }

@@ -1,4 +1,4 @@
-//! World regions cut by straight lines, to start from where the image's border cuts the observed one (`docs/math.md`, section 14).
+//! World regions clipped by half planes, as starts where the image's border cuts the observed one (`docs/math.md`, section 14).
 
 use nalgebra::Vector2;
 

@@ -6,7 +6,7 @@ use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
 use crate::contour::readings::Contour;
 use crate::geometry::pose::{PARAMETERS, Pose};
-use crate::prior::{BELIEVED, mahalanobis};
+use crate::prior::{MAX_PENALTY, mahalanobis};
 
 /// Whether every `step`-th piece tells that a place on the contours is right, and not a minimum of the moments; `own` is the one that
 /// the place itself leads to, which it must not contradict.
@@ -16,7 +16,7 @@ pub(super) fn decides(contours: &[Contour], place: &Pose, minimum: &Pose, own: &
     let gain = place.gain_over(&minimum);
     holds_a_pose(&place)
         && gain >= DECISIVE
-        && gain - at(own).map_or(0.0, |own| against(contours, &place, &own)) >= DECISIVE
+        && gain - at(own).map_or(0.0, |own| moment_log_odds(contours, &place, &own)) >= DECISIVE
 }
 
 /// Whether as many stretches of the contours are clean as a pose has numbers: fewer may lie on the projection by chance at any pose.
@@ -30,7 +30,7 @@ fn holds_a_pose(place: &ContourFit) -> bool {
 /// What disturbs a contour adds and removes alike, so that the moments are off by no more than chance leaves of it. Pieces that lie
 /// on a wrong boundary side by side, as those of squares of one size do, are half of a contour at the most: where more than that is
 /// clean, the rest may be off to one side.
-fn against(contours: &[Contour], place: &ContourFit, minimum: &ContourFit) -> f64 {
+fn moment_log_odds(contours: &[Contour], place: &ContourFit, minimum: &ContourFit) -> f64 {
     if is_mostly_clean(place) {
         return 0.0;
     }
@@ -42,7 +42,7 @@ fn against(contours: &[Contour], place: &ContourFit, minimum: &ContourFit) -> f6
 /// these. No more than what is believed of any prior.
 fn contradiction(square: f64) -> f64 {
     let parameters = PARAMETERS as f64;
-    let multiple = (square.min(BELIEVED) / parameters).max(1.0);
+    let multiple = (square.min(MAX_PENALTY) / parameters).max(1.0);
     0.5 * parameters * (multiple - 1.0 - multiple.ln())
 }
 
@@ -56,6 +56,6 @@ mod tests {
         // The densities of six parameters with their own deviations and with those twice as large, at twice the distance.
         let density = |scale: f64, square: f64| -0.5 * square / (scale * scale) - 6.0 * scale.ln();
         assert!((contradiction(24.0) - (density(2.0, 24.0) - density(1.0, 24.0))).abs() < 1e-12);
-        assert!(contradiction(1e6) == contradiction(BELIEVED) && contradiction(BELIEVED) > 38.0);
+        assert!(contradiction(1e6) == contradiction(MAX_PENALTY) && contradiction(MAX_PENALTY) > 38.0);
     }
 }

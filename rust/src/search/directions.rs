@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use super::moments::STARTS_PER_REGION;
 use super::poses::sorted;
 use super::turns::least_turns;
-use crate::contour::fit::Sketch;
+use crate::contour::fit::FixedMixture;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::pose::Pose;
 use crate::moments::sphere::{Bearing, spherical_moments};
@@ -113,8 +113,8 @@ fn least_poses(
     place: &Vector3<f64>,
     step: usize,
 ) -> Vec<Pose> {
-    let sketch = Sketch::new(problem.contours(), step);
+    let fixed = FixedMixture::new(problem.contours(), step);
     let turned = |angle: f64| standing(Rotation3::from_axis_angle(axis, angle) * rotation, place);
-    let least = sorted(least_turns(|angle| sketch.misfit(&turned(angle))));
+    let least = sorted(least_turns(|angle| fixed.negative_log_density(&turned(angle))));
     least.into_iter().take(STARTS_PER_REGION).map(|(_, angle)| turned(angle)).collect()
 }

@@ -1,8 +1,8 @@
-//! Further poses to start from, where none of the candidates explains the contours.
+//! Fallback starts, from corners and single regions, where no candidate explains the contours.
 
 use super::corners::corner_poses;
 use super::moments::hidden_region_poses;
-use super::ranking::{MOST_LED, likeliest, nearest};
+use super::ranking::{MOST_REFINED, likeliest, nearest};
 use crate::geometry::pose::Pose;
 use crate::problem::Problem;
 
@@ -15,11 +15,11 @@ const MOST_PAIRS: usize = 4000;
 /// Poses from corners, of regions with hidden edges, and `single`, from each by itself: those that lie nearest to the contours of
 /// all.
 pub(super) fn further_poses(problem: &Problem, single: &[Vec<Pose>]) -> Vec<Pose> {
-    let (contours, few) = (problem.contours(), problem.few());
+    let (contours, few) = (problem.contours(), problem.coarse_stride());
     let corners = likeliest(contours, poses_of_corners(problem), 2 * few, FIRST_LOOK);
     let hidden = likeliest(contours, hidden_region_poses(problem), 2 * few, FIRST_LOOK);
     let of_all = [corners, single.concat(), hidden];
-    of_all.into_iter().flat_map(|poses| nearest(contours, poses, few, MOST_LED)).collect()
+    of_all.into_iter().flat_map(|poses| nearest(contours, poses, few, MOST_REFINED)).collect()
 }
 
 /// The poses of every region's corners, about the problem's origin.

@@ -1,4 +1,4 @@
-//! Candidates from the moments: closed forms of each region, led to the minima of the equations.
+//! Multi-start least squares on the moments, from closed forms of each region.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use super::closed_form::{closed_form, conjugate, facing};
 use super::corners::triangle_poses;
 use super::poses::{distinct, sorted};
 use crate::effort;
-use crate::equations::least_squares::{Stopping, minimize};
+use crate::equations::least_squares::{TerminationCriteria, minimize};
 use crate::equations::residual::{self, RegionEquations};
 use crate::equations::system::Weighting;
 use crate::geometry::pose::Pose;
@@ -16,11 +16,11 @@ use crate::region::WorldRegion;
 use crate::search::cuts::cut_worlds;
 
 /// A candidate: enough to tell it from the others, whose valleys are flat where shapes are symmetric; not yet a solution.
-pub const CANDIDATE: Stopping = Stopping { tolerance: 1e-4, evaluations: 28 };
+pub const CANDIDATE: TerminationCriteria = TerminationCriteria { tolerance: 1e-4, evaluations: 28 };
 
 /// A final solution: the last step is far shorter than the 1e-7 within which both drivers end. The paper's start needs as many,
 /// from wherever it lies.
-pub const FINAL: Stopping = Stopping { tolerance: 1e-11, evaluations: 210 };
+pub const FINAL: TerminationCriteria = TerminationCriteria { tolerance: 1e-11, evaluations: 210 };
 
 /// Candidates above the least unweighted cost by this factor are given up: a convention.
 const WORTH_A_LOOK: f64 = 1e2;
@@ -61,14 +61,14 @@ pub fn moment_poses(
     prior: &Prior,
     known: &[Pose],
     starts: Starts,
-    alone: &mut Alone,
+    cache: &mut SingleRegionCache,
     mut explains: impl FnMut(&Pose) -> bool,
 ) -> Vec<Pose> {
     let mut order: Vec<usize> = (0..problem.regions().len()).collect();
     order.sort_by(|&a, &b| problem.regions()[b].pixel_area().total_cmp(&problem.regions()[a].pixel_area()));
     let mut found: Vec<(f64, Pose)> = known.iter().map(|pose| solved_jointly(problem, pose)).collect();
     for index in order {
-        found.extend(solved_together(problem, region_poses(problem, index, prior, starts, alone)));
+        found.extend(solved_together(problem, region_poses(problem, index, prior, starts, cache)));
         found = narrowed(found);
         if starts == Starts::Likely && found.first().is_some_and(|(_, pose)| explains(pose)) {
             break;
@@ -78,16 +78,22 @@ pub fn moment_poses(
 }
 
 /// Poses that single regions give, whatever the others say, region by region; none where there are no others.
-pub fn single_region_poses(problem: &Problem, alone: &mut Alone) -> Vec<Vec<Pose>> {
+pub fn single_region_poses(problem: &Problem, cache: &mut SingleRegionCache) -> Vec<Vec<Pose>> {
     if problem.regions().len() == 1 {
         return Vec::new();
     }
-    let of = |index| region_poses(problem, index, &Prior::default(), Starts::All, alone);
+    let of = |index| region_poses(problem, index, &Prior::default(), Starts::All, cache);
     (0..problem.regions().len()).map(of).collect()
 }
 
 /// Minima of one region's equations, of fewer vertices, near its closed forms.
-fn region_poses(problem: &Problem, index: usize, prior: &Prior, starts: Starts, alone: &mut Alone) -> Vec<Pose> {
+fn region_poses(
+    problem: &Problem,
+    index: usize,
+    prior: &Prior,
+    starts: Starts,
+    cache: &mut SingleRegionCache,
+) -> Vec<Pose> {
     let (region, world, origin) = (&problem.regions()[index], &problem.worlds()[index], problem.origin());
     let single = problem.regions().len() == 1;
     let mut poses = closed_form(region.chart(), region.outline(), world, origin);
@@ -103,15 +109,15 @@ fn region_poses(problem: &Problem, index: usize, prior: &Prior, starts: Starts, 
         poses = without_cost(worth_a_look(costs_of(problem.coarse(), poses)));
         poses.truncate(STARTS_PER_REGION);
     }
-    poses.iter().filter_map(|pose| alone.solved(problem, index, pose)).collect()
+    poses.iter().filter_map(|pose| cache.solved(problem, index, pose)).collect()
 }
 
 /// Starts of single regions that were followed, and where they led: those that are likely are followed first, and are among
 /// all of them.
 #[derive(Debug, Default)]
-pub struct Alone(BTreeMap<usize, Vec<(Pose, Pose)>>);
+pub struct SingleRegionCache(BTreeMap<usize, Vec<(Pose, Pose)>>);
 
-impl Alone {
+impl SingleRegionCache {
     /// The minimum of one region's unweighted equations near a start; `None` once the effort is spent.
     fn solved(&mut self, problem: &Problem, index: usize, start: &Pose) -> Option<Pose> {
         let followed = self.0.get(&index).into_iter().flatten();

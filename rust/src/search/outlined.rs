@@ -1,4 +1,4 @@
-//! What outlines tell of a pose beside samples (`docs/math.md`, section 17).
+//! Gaussian factors of outlines that stand beside samples (`docs/math.md`, section 17).
 
 use std::f64::consts::TAU;
 

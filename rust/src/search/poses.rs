@@ -1,4 +1,4 @@
-//! Lists of poses: which are the same, and which come first.
+//! Non-maximum suppression and sorting of lists of poses.
 
 use crate::geometry::pose::Pose;
 

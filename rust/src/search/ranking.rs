@@ -1,13 +1,13 @@
-//! The poses that may be the answer, ranked by the likelihood of the contours.
+//! Candidates ranked and pruned by the likelihood of the contours.
 
 use std::iter;
 
 use super::moments::SAME_CANDIDATE;
 use super::poses::{distinct, sorted};
-use crate::contour::fit::{AMBIGUITY, ContourFit, Sketch};
+use crate::contour::fit::{AMBIGUITY, ContourFit, FixedMixture};
 use crate::contour::readings::Contour;
 use crate::geometry::pose::Pose;
-use crate::prior::{BELIEVED, Prior};
+use crate::prior::{MAX_PENALTY, Prior};
 use crate::problem::Problem;
 
 /// A candidate stays while it is worse by less than so many times what would count as fitting: a convention.
@@ -15,39 +15,39 @@ pub(super) const COARSE_AMBIGUITY: f64 = 4.0;
 
 /// Log likelihood of a piece, in the mean, by which a pose of several regions is behind the best that no refinement makes up:
 /// over 120 pieces, odds of e to the 120.
-pub(super) const HOPELESS: f64 = 1.0;
+pub(super) const MAX_DEFICIT: f64 = 1.0;
 
 /// Poses of one kind that are led onto the contours at most, those that are likeliest: a convention.
-pub(super) const MOST_LED: usize = 16;
+pub(super) const MOST_REFINED: usize = 16;
 
 impl Problem {
     /// The most that a prior and the regions' visible sides count against a pose, in variances.
-    pub(crate) fn most_penalty(&self, prior: &Prior) -> f64 {
+    pub(crate) fn max_penalty(&self, prior: &Prior) -> f64 {
         let sides = self.worlds().iter().filter(|world| world.viewpoint().is_some()).count();
-        prior.most() + BELIEVED * sides as f64
+        prior.max_penalty() + MAX_PENALTY * sides as f64
     }
 }
 
 /// The likeliest fits, each pose once.
-pub(super) fn once(fits: Vec<ContourFit>, most: usize, limit: f64) -> Vec<ContourFit> {
+pub(super) fn deduplicated(fits: Vec<ContourFit>, most: usize, limit: f64) -> Vec<ContourFit> {
     let scored = fits.into_iter().map(|fit| (-fit.mixture.likelihood, fit)).collect();
     distinct(scored, most, limit, |fit| &fit.pose).into_iter().map(|(_, fit)| fit).collect()
 }
 
 /// The fits, sorted, that could be as likely as the first once they are solved.
-pub(super) fn could_be(problem: &Problem, fits: Vec<ContourFit>, prior: &Prior) -> Vec<ContourFit> {
-    let limit = COARSE_AMBIGUITY * (AMBIGUITY + problem.most_penalty(prior));
+pub(super) fn within_ambiguity(problem: &Problem, fits: Vec<ContourFit>, prior: &Prior) -> Vec<ContourFit> {
+    let limit = COARSE_AMBIGUITY * (AMBIGUITY + problem.max_penalty(prior));
     let mut fits = fits.into_iter();
     let Some(best) = fits.next() else { return Vec::new() };
     // By all pieces: where no more than tell of the noise count, more follow, and of 120 problems with two regions swapped of three two
     // end at a wrong pose in place of the right one (`benchmarks/confidence.py`).
-    let others: Vec<ContourFit> = fits.filter(|fit| best.against(fit, f64::INFINITY) <= limit).collect();
+    let others: Vec<ContourFit> = fits.filter(|fit| best.deviance_to(fit, f64::INFINITY) <= limit).collect();
     iter::once(best).chain(others).collect()
 }
 
 /// The fits that could be as likely as the best, each once.
 pub(super) fn likely(problem: &Problem, fits: Vec<ContourFit>, prior: &Prior) -> Vec<ContourFit> {
-    could_be(problem, once(fits, MOST_LED, SAME_CANDIDATE), prior)
+    within_ambiguity(problem, deduplicated(fits, MOST_REFINED, SAME_CANDIDATE), prior)
 }
 
 /// The likeliest poses on every `step`-th piece, without any being moved.
@@ -55,17 +55,17 @@ pub(super) fn likeliest(contours: &[Contour], poses: Vec<Pose>, step: usize, mos
     if poses.len() <= 1 {
         return poses;
     }
-    let sketch = Sketch::new(contours, step);
-    let scored = sorted(poses.into_iter().map(|pose| (sketch.misfit(&pose), pose)).collect());
+    let fixed = FixedMixture::new(contours, step);
+    let scored = sorted(poses.into_iter().map(|pose| (fixed.negative_log_density(&pose), pose)).collect());
     // A region alone may be disturbed so much that its moments lead nowhere near; several tell a wrong pose at a glance.
-    let worst = if contours.len() > 1 { HOPELESS } else { f64::INFINITY };
-    let least = scored.first().map_or(0.0, |(misfit, _)| *misfit);
-    scored.into_iter().take(most).take_while(|(misfit, _)| *misfit <= least + worst).map(|(_, pose)| pose).collect()
+    let worst = if contours.len() > 1 { MAX_DEFICIT } else { f64::INFINITY };
+    let least = scored.first().map_or(0.0, |(cost, _)| *cost);
+    scored.into_iter().take(most).take_while(|(cost, _)| *cost <= least + worst).map(|(_, pose)| pose).collect()
 }
 
 /// Each pose once, those that lie nearest to the contours.
 pub(super) fn nearest(contours: &[Contour], poses: Vec<Pose>, step: usize, most: usize) -> Vec<Pose> {
-    let sketch = Sketch::new(contours, step);
-    let scored = poses.into_iter().map(|pose| (sketch.misfit(&pose), pose)).collect();
+    let fixed = FixedMixture::new(contours, step);
+    let scored = poses.into_iter().map(|pose| (fixed.negative_log_density(&pose), pose)).collect();
     distinct(scored, most, SAME_CANDIDATE, |pose| pose).into_iter().map(|(_, pose)| pose).collect()
 }

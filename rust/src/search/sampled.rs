@@ -1,10 +1,10 @@
-//! Poses from samples: every start led to what its samples leave possible, ranked by the evidence (`docs/math.md`, section 17).
+//! Multi-start inference from samples, its modes ranked by their evidence (`docs/math.md`, section 17).
 
 use nalgebra::{Matrix6, Rotation3, Vector2, Vector3};
 
-use super::acceptance::LOOSE;
+use super::acceptance::LOOSE_SIGMA;
 use super::further::further_poses;
-use super::moments::{Alone, single_region_poses};
+use super::moments::{SingleRegionCache, single_region_poses};
 use super::outlined::{outlines, outlines_beside_samples};
 use super::poses::{apart, distinct};
 use super::symmetry::turned_about;
@@ -28,7 +28,7 @@ const MOST_STARTS: usize = 24;
 /// How far a start may be off, rad and share of the distance, and mostly still lead to the answer: starts nearer to one another
 /// than this are one. A convention: turns of 0.07 to 0.3 rad lead about as often to the answer (`regionpose evaluate lidar --only
 /// lidar_beams=16 --only scan=samples`).
-const BASIN: f64 = 0.2;
+const CONVERGENCE_RADIUS: f64 = 0.2;
 
 /// Poses nearer than this, rad and share of the distance, came to one place.
 const SAME_PLACE: f64 = 0.02;
@@ -48,7 +48,7 @@ const FOUND: f64 = 0.2;
 /// Logarithm of odds on some of the samples by which a start that they led is behind the best that all of them do not make up. One
 /// that is not led yet, or on its way with all of them, makes up as much again: without that, half turns that fit about as well in
 /// the end were lost on the way (`regionpose evaluate trust --seed 182 --scenes 1 --only model=combined`, and `--seed 109`, `lidar`).
-const HOPELESS: f64 = 25.0;
+const MAX_DEFICIT: f64 = 25.0;
 
 /// Points along an outline at which it is asked what lies beside it: a convention.
 const OUTLINE_POINTS: usize = 128;
@@ -59,7 +59,7 @@ impl Problem {
     pub(crate) fn posteriors(&self, starts: &[Pose], prior: &Prior) -> Vec<Posterior> {
         let mut found = self.posteriors_with(starts, prior);
         let agrees = |posterior: &Posterior| is_found(posterior) && self.penalty(posterior, prior) < AMBIGUITY;
-        if prior.most() > 0.0 && !found.first().is_some_and(agrees) {
+        if prior.max_penalty() > 0.0 && !found.first().is_some_and(agrees) {
             // A prior that samples contradict may be wrong: of poses without it, it counts as far as it is believed.
             found.extend(self.posteriors_with(starts, &Prior::default()).into_iter().map(|posterior| {
                 let penalty = self.penalty(&posterior, prior);
@@ -80,13 +80,13 @@ impl Problem {
         let creases = self.creases();
         let others = |pose: &Pose| {
             let known = prior.gaussian(&self.uncentered(pose)) + outlines(&outlined, pose);
-            let known = known + outlines_beside_samples(&guessed, pose, self.few());
+            let known = known + outlines_beside_samples(&guessed, pose, self.coarse_stride());
             creases.iter().fold(known, |sum, crease| sum + crease.gaussian(pose))
         };
         let mut passed = Passed::default();
         let mut found = self.posteriors_near(starts, &[], &others, &mut passed);
         if !found.iter().any(is_found) {
-            let further = further_poses(self, &single_region_poses(self, &mut Alone::default()));
+            let further = further_poses(self, &single_region_poses(self, &mut SingleRegionCache::default()));
             found.extend(self.posteriors_near(&further, &[], &others, &mut passed));
         }
         let mut looked: Option<(f64, Pose)> = None;
@@ -96,8 +96,8 @@ impl Problem {
             looked.is_none_or(|(last_evidence, last)| *log_evidence > last_evidence && apart(&last, best, SAME_PLACE))
         }) {
             let (regions, step) = (self.sampled(), leading_step(self.sampled()));
-            let misfit = |pose: &Pose| -log_likelihood(regions, pose, SHARP, step);
-            let turned = turned_about(self, &best, misfit, HOPELESS);
+            let cost = |pose: &Pose| -log_likelihood(regions, pose, SHARP, step);
+            let turned = turned_about(self, &best, cost, MAX_DEFICIT);
             let starts: Vec<Pose> = turned.into_iter().chain(beside(&best)).collect();
             found.extend(self.posteriors_near(&starts, &found, &others, &mut passed));
             looked = Some((log_evidence, best));
@@ -114,18 +114,18 @@ impl Problem {
         passed: &mut Passed,
     ) -> Vec<Posterior> {
         let (regions, step) = (self.sampled(), leading_step(self.sampled()));
-        let misfit = |pose: &Pose| -log_likelihood(regions, pose, ROUGH, step) - others(pose).offset;
-        let scored = starts.iter().map(|pose| (misfit(pose), *pose)).collect();
-        let starts = distinct(scored, MOST_STARTS, BASIN, |pose| pose);
-        let least = starts.first().map_or(0.0, |(misfit, _)| *misfit);
-        let starts = starts.into_iter().take_while(|(misfit, _)| *misfit - least <= 2.0 * HOPELESS);
+        let cost = |pose: &Pose| -log_likelihood(regions, pose, ROUGH, step) - others(pose).offset;
+        let scored = starts.iter().map(|pose| (cost(pose), *pose)).collect();
+        let starts = distinct(scored, MOST_STARTS, CONVERGENCE_RADIUS, |pose| pose);
+        let least = starts.first().map_or(0.0, |(cost, _)| *cost);
+        let starts = starts.into_iter().take_while(|(cost, _)| *cost - least <= 2.0 * MAX_DEFICIT);
         let leading = starts.take_while(|_| !effort::is_spent());
         let is_new = |led: &Led| found.iter().all(|other| apart(&other.pose, &led.pose, SAME_PLACE));
         let all: Vec<Led> = leading.filter_map(|(_, start)| led(regions, others, &start)).filter(is_new).collect();
         let is_same = |a: &Led, b: &Led| !apart(&a.pose, &b.pose, SAME_PLACE);
-        let is_behind = |best: &Led, other: &Led| best.log_evidence - other.log_evidence > HOPELESS;
+        let is_behind = |best: &Led, other: &Led| best.log_evidence - other.log_evidence > MAX_DEFICIT;
         let likely = likeliest(all, is_behind, |led| led.log_evidence, is_same);
-        posteriors(regions, others, &likely, 2.0 * HOPELESS, passed)
+        posteriors(regions, others, &likely, 2.0 * MAX_DEFICIT, passed)
     }
 
     /// Each answer once, the likeliest first, over all of its modes: where samples contradict a pose, which of them are wrong and which
@@ -134,7 +134,8 @@ impl Problem {
         let is_same = |a: &Posterior, b: &Posterior| a.squared_sigmas_to(b) < SAME_ANSWER;
         let over_modes = |answer: Posterior| {
             // Poses beyond each other's basins have no mean.
-            let is_own = |mode: &&Posterior| is_same(&answer, mode) && !apart(&answer.pose, &mode.pose, BASIN);
+            let is_own =
+                |mode: &&Posterior| is_same(&answer, mode) && !apart(&answer.pose, &mode.pose, CONVERGENCE_RADIUS);
             let own: Vec<Posterior> = modes.iter().filter(is_own).cloned().collect();
             answer.over_modes(&own, self.sampled())
         };
@@ -144,7 +145,7 @@ impl Problem {
 
     /// Whether every region has samples beside its outline, as many as a pose has numbers: fewer tell no pose, and outlines are more
     /// than starts.
-    pub(super) fn has_samples_all_over(&self) -> bool {
+    pub(super) fn has_samples_on_all_edges(&self) -> bool {
         let is_edged = |world: &WorldRegion| {
             let Some(samples) = world.samples() else { return false };
             let (outline, near) = (world.outline(), FAR_OFF * world.outline().area().sqrt());
@@ -157,7 +158,7 @@ impl Problem {
 
     /// The same without the samples of regions that tell nothing at any of these answers, poses about the problem's origin with their
     /// covariance and the scatter of contours, pixels; `None` where all regions' tell something.
-    pub(crate) fn without_silent_at(&self, answers: &[(Pose, Matrix6<f64>, f64)]) -> Option<Self> {
+    pub(crate) fn with_informative_samples_at(&self, answers: &[(Pose, Matrix6<f64>, f64)]) -> Option<Self> {
         let tells = |region: &SampledRegion| {
             // Of a line alone, the outline shows nothing.
             let is_line = self.worlds()[region.index()].is_line();
@@ -219,7 +220,7 @@ fn points_along(rings: &[Vec<Vector2<f64>>], count: usize) -> Vec<Vector2<f64>> 
 fn beside(pose: &Pose) -> impl Iterator<Item = Pose> {
     let turned = |turn: Vector3<f64>| Pose::new(Rotation3::new(turn) * pose.rotation, pose.translation);
     let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
-    axes.into_iter().flat_map(move |axis| [axis * BASIN, axis * -BASIN].map(turned))
+    axes.into_iter().flat_map(move |axis| [axis * CONVERGENCE_RADIUS, axis * -CONVERGENCE_RADIUS].map(turned))
 }
 
 /// The greatest logarithm of the evidence, and its pose.
@@ -253,5 +254,5 @@ fn modes(found: Vec<Posterior>) -> Vec<Posterior> {
 
 /// Whether the samples of every region agree with a pose.
 fn is_found(posterior: &Posterior) -> bool {
-    posterior.blur < LOOSE && posterior.wrong.iter().all(|&wrong| wrong < FOUND)
+    posterior.blur < LOOSE_SIGMA && posterior.wrong.iter().all(|&wrong| wrong < FOUND)
 }

@@ -1,4 +1,4 @@
-//! What candidates show on a few pieces of the contours, while the search goes on.
+//! Screening of candidates on a coarse subset of the contours.
 
 use super::acceptance::is_mostly_clean;
 use super::directions::direction_poses;
@@ -10,25 +10,25 @@ use crate::prior::Prior;
 use crate::problem::Problem;
 
 /// What was seen of poses on a few pieces while the search went on.
-pub(super) struct Looks<'a> {
+pub(super) struct CandidateScreen<'a> {
     contours: &'a [Contour],
     /// One piece in so many is looked at.
     step: usize,
     /// Whether poses may be led onto the contours: of several regions, whose contours tell a wrong one.
-    leads: bool,
+    refines: bool,
     /// Poses that the prior gives.
-    pub(super) known: Vec<Pose>,
+    pub(super) prior_poses: Vec<Pose>,
     last: Option<ContourFit>,
     /// Starts that were led onto the contours, and where they came to.
-    led: Vec<(Pose, ContourFit)>,
+    refined: Vec<(Pose, ContourFit)>,
 }
 
-impl<'a> Looks<'a> {
+impl<'a> CandidateScreen<'a> {
     pub(super) fn new(problem: &'a Problem, options: &Options) -> Self {
         let contours = problem.contours();
-        let leads = contours.len() > 1 && options.refinement == Refinement::Contour;
-        let known = known_poses(problem, &options.prior);
-        Self { contours, step: problem.few(), leads, known, last: None, led: Vec::new() }
+        let refines = contours.len() > 1 && options.refinement == Refinement::Contour;
+        let prior_poses = prior_poses(problem, &options.prior);
+        Self { contours, step: problem.coarse_stride(), refines, prior_poses, last: None, refined: Vec::new() }
     }
 
     /// The fit at a pose that is not moved.
@@ -44,15 +44,15 @@ impl<'a> Looks<'a> {
         if self.at(pose).is_some_and(ContourFit::is_clean) {
             return true;
         }
-        let led = if self.leads { self.led_from(pose) } else { None };
+        let led = if self.refines { self.refined_from(pose) } else { None };
         let explains = led.as_ref().is_some_and(is_mostly_clean);
-        self.led.extend(led.map(|fit| (*pose, fit)));
+        self.refined.extend(led.map(|fit| (*pose, fit)));
         explains
     }
 
     /// Where a start leads on the contours, looked up where it was led before.
-    pub(super) fn led_from(&self, start: &Pose) -> Option<ContourFit> {
-        match self.led.iter().find(|(pose, _)| pose == start) {
+    pub(super) fn refined_from(&self, start: &Pose) -> Option<ContourFit> {
+        match self.refined.iter().find(|(pose, _)| pose == start) {
             Some((_, fit)) => Some(fit.clone()),
             None => refined(self.contours, start, self.step),
         }
@@ -61,7 +61,7 @@ impl<'a> Looks<'a> {
 
 /// Poses that the prior gives, about the problem's origin: the initial one, and those of directions from the camera's
 /// place.
-fn known_poses(problem: &Problem, prior: &Prior) -> Vec<Pose> {
+fn prior_poses(problem: &Problem, prior: &Prior) -> Vec<Pose> {
     let initial = prior.initial.map(|pose| problem.centered(&pose));
-    initial.into_iter().chain(direction_poses(problem, prior, problem.few())).collect()
+    initial.into_iter().chain(direction_poses(problem, prior, problem.coarse_stride())).collect()
 }

@@ -1,4 +1,4 @@
-//! Other turns of a region in its own plane at which it looks much the same (`docs/math.md`, section 11).
+//! Rotations of a region in its own plane that nearly map it to itself (`docs/math.md`, section 11).
 //!
 //! A symmetric region fits its contour as well from several places. A search that finds one of them closely and another
 //! hardly would take the first for the only one.
@@ -7,9 +7,9 @@ use nalgebra::{Rotation3, Unit, Vector2, Vector3};
 
 use super::moments::MOST_CANDIDATES;
 use super::poses::sorted;
-use super::ranking::HOPELESS;
+use super::ranking::MAX_DEFICIT;
 use super::turns::{TURN, least_turns};
-use crate::contour::fit::Sketch;
+use crate::contour::fit::FixedMixture;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::pose::Pose;
 use crate::moments::plane::planar_moments;
@@ -33,23 +33,23 @@ struct Drawing {
 /// nearest first; `pose` itself is none of them. Every `step`-th piece is read. Poses are about the problem's origin; none for
 /// regions in several planes.
 pub fn turned_poses(problem: &Problem, pose: &Pose, step: usize) -> Vec<Pose> {
-    let sketch = Sketch::new(problem.contours(), step);
-    turned_about(problem, pose, |pose| sketch.misfit(pose), HOPELESS)
+    let fixed = FixedMixture::new(problem.contours(), step);
+    turned_about(problem, pose, |pose| fixed.negative_log_density(pose), MAX_DEFICIT)
 }
 
 /// The same poses by any misfit that is no more than `worse` above that of the pose.
 pub(super) fn turned_about(
     problem: &Problem,
     pose: &Pose,
-    misfit: impl Fn(&Pose) -> f64 + Copy,
+    cost: impl Fn(&Pose) -> f64 + Copy,
     worse: f64,
 ) -> Vec<Pose> {
     let drawings = drawings(problem, pose);
     let found = drawings
         .iter()
-        .flat_map(|drawing| [false, true].into_iter().flat_map(|behind| least_poses(misfit, drawing, behind, pose)));
-    let most = misfit(pose) + worse;
-    let found = sorted(found.filter(|(misfit, _)| *misfit < most).collect());
+        .flat_map(|drawing| [false, true].into_iter().flat_map(|behind| least_poses(cost, drawing, behind, pose)));
+    let most = cost(pose) + worse;
+    let found = sorted(found.filter(|(cost, _)| *cost < most).collect());
     found.into_iter().take(MOST_CANDIDATES).map(|(_, pose)| pose).collect()
 }
 
@@ -58,7 +58,7 @@ fn drawings(problem: &Problem, pose: &Pose) -> Vec<Drawing> {
     let Some(plane) = common_plane(problem) else { return Vec::new() };
     let plane = PlaneFrame { origin: plane.origin - problem.origin(), ..plane };
     let known = |world: &WorldRegion| {
-        let flat = |ring: Vec<Vector3<f64>>| ring.iter().map(|x| plane.flat(&(x - problem.origin()))).collect();
+        let flat = |ring: Vec<Vector3<f64>>| ring.iter().map(|x| plane.to_plane(&(x - problem.origin()))).collect();
         Some(world.rings().into_iter().map(flat).collect::<Vec<Vec<_>>>())
     };
     let observed = |region: &RegionEquations| {
@@ -66,7 +66,7 @@ fn drawings(problem: &Problem, pose: &Pose) -> Vec<Drawing> {
         region.outline().rings().iter().map(flat).collect::<Option<Vec<Vec<_>>>>()
     };
     let middles = [middle(problem.worlds().iter().map(known)), middle(problem.regions().iter().map(observed))];
-    let drawing = |middle: Vector2<f64>| Drawing { plane: plane.clone(), middle: plane.lifted(&middle) };
+    let drawing = |middle: Vector2<f64>| Drawing { plane: plane.clone(), middle: plane.to_world(&middle) };
     middles.into_iter().flatten().map(drawing).collect()
 }
 
@@ -87,7 +87,7 @@ fn on_plane(plane: &PlaneFrame, region: &RegionEquations, point: &Vector2<f64>, 
     let ray = chart.rotation.inverse() * (point / chart.scale).push(1.0);
     let normal = pose.rotation * plane.axes[2];
     let depth = normal.dot(&pose.transform(&plane.origin)) / normal.dot(&ray);
-    (depth > 0.0 && depth.is_finite()).then(|| plane.flat(&pose.inverse().transform(&(ray * depth))))
+    (depth > 0.0 && depth.is_finite()).then(|| plane.to_plane(&pose.inverse().transform(&(ray * depth))))
 }
 
 impl Drawing {
@@ -101,10 +101,10 @@ impl Drawing {
 }
 
 /// Turned poses at which a drawing lies nearer to its contours than at the turns beside, and their misfits.
-fn least_poses(misfit: impl Fn(&Pose) -> f64, drawing: &Drawing, behind: bool, pose: &Pose) -> Vec<(f64, Pose)> {
-    let misfit_at = |angle: f64| misfit(&drawing.turned(pose, angle, behind));
-    let others = least_turns(misfit_at).into_iter().filter(|(_, angle)| behind || *angle != 0.0);
-    let near = others.map(|least| least_near(misfit_at, least, TURN));
+fn least_poses(cost: impl Fn(&Pose) -> f64, drawing: &Drawing, behind: bool, pose: &Pose) -> Vec<(f64, Pose)> {
+    let cost_at = |angle: f64| cost(&drawing.turned(pose, angle, behind));
+    let others = least_turns(cost_at).into_iter().filter(|(_, angle)| behind || *angle != 0.0);
+    let near = others.map(|least| least_near(cost_at, least, TURN));
     near.map(|(least, angle)| (least, drawing.turned(pose, angle, behind))).collect()
 }
 

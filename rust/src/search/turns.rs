@@ -1,4 +1,4 @@
-//! Values all around a full turn, and where they are least.
+//! Local minima of a periodic function, sampled around a full turn.
 
 use std::f64::consts::TAU;
 

@@ -1,17 +1,17 @@
-//! What is checked of an estimate, and the warnings of what does not pass.
+//! Checks of an estimate, and the warnings of those that fail.
 
 use super::confidence::Evidence;
 use super::outliers::{Outlier, outliers};
 use super::solution::{POOR_OVERLAP, Solution, TRUSTED};
-use super::warning::{Warning, Way};
+use super::warning::{RelativePose, Warning};
 use super::weakness::weak_geometry;
 use crate::contour::members::contradicted;
 use crate::equations::least_squares::Termination;
 use crate::options::Options;
-use crate::prior::{FromInitial, FromNear, FromUp, Prior};
+use crate::prior::{InitialDeviation, PlaceDeviation, Prior, UpDeviation};
 use crate::problem::Problem;
 use crate::samples::readings::SampledRegion;
-use crate::search::acceptance::LOOSE;
+use crate::search::acceptance::LOOSE_SIGMA;
 
 /// Overlap error of a region of which a pose shows nothing: no trust bears more.
 const NOT_SHOWN: f64 = 1.0;
@@ -26,13 +26,14 @@ pub(super) fn warnings(
 ) -> Vec<Warning> {
     let mut warnings = Vec::new();
     warnings.extend(ended.map(|termination| Warning::NotConverged { termination: termination.clone() }));
-    let mut others: Vec<Way> = alternatives.iter().map(|other| Way::between(&best.pose, &other.pose)).collect();
+    let mut others: Vec<RelativePose> =
+        alternatives.iter().map(|other| RelativePose::between(&best.pose, &other.pose)).collect();
     others.sort_by(|a, b| a.degrees.total_cmp(&b.degrees));
     if !others.is_empty() {
         warnings.push(Warning::Ambiguous { others });
     }
     // Samples that leave a contour blurred do not agree on a place.
-    let blurred = best.posterior.as_ref().is_some_and(|posterior| posterior.blur >= LOOSE);
+    let blurred = best.posterior.as_ref().is_some_and(|posterior| posterior.blur >= LOOSE_SIGMA);
     let trusted = evidence.probability() > TRUSTED && !blurred;
     let sampled: Vec<usize> = problem.sampled().iter().map(SampledRegion::index).collect();
     warnings.extend(region_warnings(best, alternatives, &sampled, trusted));
@@ -62,7 +63,7 @@ fn region_warnings(best: &Solution, alternatives: &[Solution], sampled: &[usize]
         }
     }
     for other in alternatives {
-        let degrees = Way::between(&best.pose, &other.pose).degrees;
+        let degrees = RelativePose::between(&best.pose, &other.pose).degrees;
         for Outlier { region, percent, others } in outliers(other, sampled) {
             if !named.contains(&region) {
                 warnings.push(Warning::AmbiguousRegion { region, degrees, percent, others });
@@ -76,15 +77,15 @@ fn region_warnings(best: &Solution, alternatives: &[Solution], sampled: &[usize]
 /// What was known beforehand and is not so at the pose.
 fn contradictions(problem: &Problem, best: &Solution, prior: &Prior) -> Vec<Warning> {
     let (pose, covariance) = (&best.pose, &best.covariance);
-    let initial = prior.from_initial(pose, covariance).filter(FromInitial::is_contradiction);
+    let initial = prior.initial_deviation(pose, covariance).filter(InitialDeviation::is_contradiction);
     let initial = initial.map(|from| Warning::InitialContradicted {
         degrees: from.rotation.to_degrees(),
         shift: from.place,
         sigmas: from.sigmas,
     });
-    let up = prior.from_up(pose, covariance).filter(FromUp::is_contradiction);
+    let up = prior.up_deviation(pose, covariance).filter(UpDeviation::is_contradiction);
     let up = up.map(|from| Warning::UpContradicted { degrees: from.angle.to_degrees(), sigmas: from.sigmas });
-    let near = prior.from_near(pose, covariance).filter(FromNear::is_contradiction);
+    let near = prior.place_deviation(pose, covariance).filter(PlaceDeviation::is_contradiction);
     let near = near.map(|from| Warning::PlaceContradicted { shift: from.place, sigmas: from.sigmas });
     let sides = problem.seen_from_behind(pose).into_iter().map(|region| Warning::SideContradicted { region });
     initial.into_iter().chain(up).chain(near).chain(sides).collect()

@@ -1,4 +1,4 @@
-//! How likely a pose is right, from what its fit shows (`docs/math.md`, section 15).
+//! Confidence of a pose: logistic regression on features of its fit (`docs/math.md`, section 15).
 
 use nalgebra::Matrix6;
 
@@ -24,12 +24,12 @@ pub struct Evidence {
     /// Number of regions that belong to the pose.
     pub regions: usize,
     /// The rest, which is other things of outlines than of samples.
-    pub shown: Shown,
+    pub source: EvidenceSource,
 }
 
 /// What outlines or samples show of a pose beside its noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Shown {
+pub enum EvidenceSource {
     /// By the pieces of contours.
     Outlines {
         /// Whether other poses fit as well: where several do, one that was not found may, too.
@@ -70,14 +70,14 @@ impl Evidence {
     ) -> Self {
         let belong = belonging(fit);
         let own = belong.iter().zip(overlap_errors).filter(|&(&belongs, _)| belongs).map(|(_, &error)| error);
-        let shown = Shown::Outlines {
+        let source = EvidenceSource::Outlines {
             ambiguous,
             whole,
             scatter: fit.mixture.sigma,
             contradicted: count(&contradicted(fit)),
             overlap_error: own.reduce(f64::max).map_or(1.0, |largest| largest.min(1.0)),
         };
-        Self { rotation_sigmas: rotation_sigmas(covariance), regions: count(&belong), shown }
+        Self { rotation_sigmas: rotation_sigmas(covariance), regions: count(&belong), source }
     }
 
     /// The evidence of samples, and of the contours of regions that have none, as `fit` at the pose; `unseen` of each region with
@@ -95,8 +95,9 @@ impl Evidence {
             belong[region.index()] = !contradicts(wrong);
         }
         let mean = |shares: &[f64]| shares.iter().sum::<f64>() / sampled.len() as f64;
-        let shown = Shown::Samples { unseen: mean(unseen), wrong: mean(&posterior.wrong), growth: posterior.growth };
-        Self { rotation_sigmas: rotation_sigmas(covariance), regions: count(&belong), shown }
+        let source =
+            EvidenceSource::Samples { unseen: mean(unseen), wrong: mean(&posterior.wrong), growth: posterior.growth };
+        Self { rotation_sigmas: rotation_sigmas(covariance), regions: count(&belong), source }
     }
 
     /// What the logarithm of the odds that the pose is no other place is a weighted sum of (`docs/math.md`, eq. 15.3).
@@ -104,11 +105,11 @@ impl Evidence {
     pub fn features(&self) -> Vec<f64> {
         let weakest = self.rotation_sigmas.map(bounded).into_iter().fold(0.0, f64::max);
         let common = [1.0, weakest.ln(), indicator(self.regions > 1)];
-        let own = match self.shown {
-            Shown::Outlines { ambiguous, whole, scatter, contradicted, overlap_error } => {
+        let own = match self.source {
+            EvidenceSource::Outlines { ambiguous, whole, scatter, contradicted, overlap_error } => {
                 vec![indicator(ambiguous), indicator(whole), scatter.ln(), contradicted as f64, overlap_error]
             }
-            Shown::Samples { unseen, wrong, growth } => vec![unseen, wrong, growth.ln()],
+            EvidenceSource::Samples { unseen, wrong, growth } => vec![unseen, wrong, growth.ln()],
         };
         [common.as_slice(), &own].concat()
     }
@@ -116,9 +117,9 @@ impl Evidence {
     /// Probability that the pose, or one that fits alike, is within 5 degrees of the true one: that it is the place, and that the
     /// noise leaves it so near.
     pub fn probability(&self) -> f64 {
-        let weights: &[f64] = match self.shown {
-            Shown::Outlines { .. } => &OUTLINES,
-            Shown::Samples { .. } => &SAMPLES,
+        let weights: &[f64] = match self.source {
+            EvidenceSource::Outlines { .. } => &OUTLINES,
+            EvidenceSource::Samples { .. } => &SAMPLES,
         };
         let odds: f64 = self.features().iter().zip(weights).map(|(feature, weight)| feature * weight).sum();
         within_limit(self.rotation_sigmas) / (1.0 + (-odds).exp())

@@ -1,4 +1,4 @@
-//! How the projected regions cover the observed ones.
+//! Overlap of projected and observed regions, as solid angles.
 
 use nalgebra::{Vector2, Vector3};
 

@@ -6,13 +6,13 @@ use nalgebra::Vector3;
 
 use super::checks::warnings;
 use super::confidence::Evidence;
-use super::hypothesis::{Place, solution};
+use super::hypothesis::{Hypothesis, solution};
 use super::ranking::{likely, stated};
 use super::solution::Solution;
 use super::warning::Warning;
 use crate::contour::fit::ContourFit;
 use crate::effort;
-use crate::equations::information::honest;
+use crate::equations::information::validated_covariance;
 use crate::equations::least_squares::{Minimum, Termination};
 use crate::error::{Error, Result};
 use crate::geometry::pose::Pose;
@@ -20,7 +20,7 @@ use crate::options::Options;
 use crate::problem::Problem;
 use crate::samples::posterior::Posterior;
 use crate::search::Search;
-use crate::search::candidates::{Answers, SAME_PLACE};
+use crate::search::candidates::{Candidates, SAME_PLACE};
 use crate::search::poses::distinct;
 
 /// The pose of a camera, and what is known of it.
@@ -50,7 +50,7 @@ pub struct Estimate {
 /// Candidate poses, and the problem without the samples that do not constrain any of them.
 struct Hypotheses<'a> {
     problem: Cow<'a, Problem>,
-    places: Vec<Place>,
+    hypotheses: Vec<Hypothesis>,
     /// Whether samples constrain the pose, and none of their modes was found.
     samples_unused: bool,
 }
@@ -88,20 +88,20 @@ impl Search {
     /// [`Error::NoPose`] where no pose shows every region in its chart.
     pub fn assess(self, minima: Vec<Minimum>) -> Result<Estimate> {
         let evaluations = minima.iter().map(|minimum| minimum.evaluations).sum();
-        let (Hypotheses { problem, places, samples_unused }, exhausted) =
-            effort::bounded(self.problem.most_work(), || self.hypotheses(minima));
+        let (Hypotheses { problem, hypotheses, samples_unused }, exhausted) =
+            effort::bounded(self.problem.most_work(), || self.all_hypotheses(minima));
         let problem = &*problem;
-        let places = stated(likely(problem, places, &self.options.prior), &self.options.prior);
-        let (best, _) = places.first().ok_or(Error::NoPose)?;
-        let evidence = best.evidence(problem, places.len() > 1);
+        let hypotheses = stated(likely(problem, hypotheses, &self.options.prior), &self.options.prior);
+        let (best, _) = hypotheses.first().ok_or(Error::NoPose)?;
+        let evidence = best.evidence(problem, hypotheses.len() > 1);
         let noise = match (&best.posterior, &best.minimum) {
             (Some(posterior), _) => posterior.blur,
             (None, Some(minimum)) => problem.noise_variance(minimum.cost).sqrt(),
             (None, None) => best.fit.mixture.sigma,
         };
         let probability = evidence.probability();
-        let mut solutions = places.into_iter().map(|(place, stated)| {
-            solution(problem, place, stated.map(|share| probability * share), &self.options.frame_sigma)
+        let mut solutions = hypotheses.into_iter().map(|(hypothesis, stated)| {
+            solution(problem, hypothesis, stated.map(|share| probability * share), &self.options.frame_sigma)
         });
         let best = solutions.next().ok_or(Error::NoPose)?;
         let alternatives: Vec<Solution> = solutions.collect();
@@ -131,52 +131,63 @@ impl Search {
     }
 
     /// The poses that may be the answer: where regions have samples, what these leave possible about the outlines' answers.
-    fn hypotheses(&self, minima: Vec<Minimum>) -> Hypotheses<'_> {
-        let places = self.places(minima);
-        let starts: Vec<Pose> = places.iter().map(|place| place.fit.pose).chain(self.starts.iter().copied()).collect();
+    fn all_hypotheses(&self, minima: Vec<Minimum>) -> Hypotheses<'_> {
+        let hypotheses = self.hypotheses(minima);
+        let starts: Vec<Pose> =
+            hypotheses.iter().map(|hypothesis| hypothesis.fit.pose).chain(self.starts.iter().copied()).collect();
         let mut problem = Cow::Borrowed(&self.problem);
         while !problem.sampled().is_empty() {
-            let sampled = self.places_by_samples(&problem, &starts);
-            let Some(silent) = problem.without_silent_at(&sampled.iter().filter_map(Place::answer).collect::<Vec<_>>())
+            let sampled = self.sample_hypotheses(&problem, &starts);
+            let Some(silent) =
+                problem.with_informative_samples_at(&sampled.iter().filter_map(Hypothesis::answer).collect::<Vec<_>>())
             else {
                 // Samples that hold nothing leave the outlines' answers, and regions that are judged by these.
                 return match sampled.is_empty() {
-                    true => Hypotheses { problem: Cow::Owned(problem.with_sampled(&[])), places, samples_unused: true },
-                    false => Hypotheses { problem, places: sampled, samples_unused: false },
+                    true => {
+                        Hypotheses { problem: Cow::Owned(problem.with_sampled(&[])), hypotheses, samples_unused: true }
+                    }
+                    false => Hypotheses { problem, hypotheses: sampled, samples_unused: false },
                 };
             };
             problem = Cow::Owned(silent);
         }
-        Hypotheses { problem, places, samples_unused: false }
+        Hypotheses { problem, hypotheses, samples_unused: false }
     }
 
     /// The modes of the samples' posterior about starts.
-    fn places_by_samples(&self, problem: &Problem, starts: &[Pose]) -> Vec<Place> {
-        let place = |posterior: Posterior| {
-            let fit = ContourFit::at(problem.contours(), &posterior.pose, problem.few())?;
-            let (pose, covariance) = (problem.uncentered(&posterior.pose), honest(&posterior.covariance));
-            Some(Place { posterior: Some(posterior), covariance: covariance.into(), ..Place::new(pose, None, fit) })
+    fn sample_hypotheses(&self, problem: &Problem, starts: &[Pose]) -> Vec<Hypothesis> {
+        let hypothesis = |posterior: Posterior| {
+            let fit = ContourFit::at(problem.contours(), &posterior.pose, problem.coarse_stride())?;
+            let (pose, covariance) = (problem.uncentered(&posterior.pose), validated_covariance(&posterior.covariance));
+            Some(Hypothesis {
+                posterior: Some(posterior),
+                covariance: covariance.into(),
+                ..Hypothesis::new(pose, None, fit)
+            })
         };
-        problem.posteriors(starts, &self.options.prior).into_iter().filter_map(place).collect()
+        problem.posteriors(starts, &self.options.prior).into_iter().filter_map(hypothesis).collect()
     }
 
     /// The poses that the outlines leave, those that fit best first.
-    fn places(&self, minima: Vec<Minimum>) -> Vec<Place> {
+    fn hypotheses(&self, minima: Vec<Minimum>) -> Vec<Hypothesis> {
         let (problem, contours) = (&self.problem, self.problem.contours());
         // What is clean and fits from one pose alone shows it by a few pieces.
-        let few = if minima.len() > 1 { 1 } else { problem.few() };
+        let few = if minima.len() > 1 { 1 } else { problem.coarse_stride() };
         let minima = minima.into_iter().filter_map(|minimum| {
             let pose = problem.centered(&minimum.pose);
             let fit = ContourFit::at(contours, &pose, few)?;
             let fit = if few > 1 && !fit.is_clean() { ContourFit::at(contours, &pose, 1)? } else { fit };
-            Some(Place::new(minimum.pose, Some(minimum), fit))
+            Some(Hypothesis::new(minimum.pose, Some(minimum), fit))
         });
-        let led = match &self.answers {
-            Answers::Contours(fits) => fits.as_slice(),
-            Answers::Moments(_) => &[],
+        let led = match &self.found {
+            Candidates::OnContours(fits) => fits.as_slice(),
+            Candidates::NearMinima(_) => &[],
         };
-        let led = led.iter().map(|fit| Place::new(problem.uncentered(&fit.pose), None, fit.clone()));
-        let scored = minima.chain(led).map(|place| (place.cost(), place)).collect();
-        distinct(scored, usize::MAX, SAME_PLACE, |place| &place.fit.pose).into_iter().map(|(_, place)| place).collect()
+        let led = led.iter().map(|fit| Hypothesis::new(problem.uncentered(&fit.pose), None, fit.clone()));
+        let scored = minima.chain(led).map(|hypothesis| (hypothesis.cost(), hypothesis)).collect();
+        distinct(scored, usize::MAX, SAME_PLACE, |hypothesis| &hypothesis.fit.pose)
+            .into_iter()
+            .map(|(_, hypothesis)| hypothesis)
+            .collect()
     }
 }

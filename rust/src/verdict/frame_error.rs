@@ -1,8 +1,8 @@
-//! What errors of a whole exposure, and of whole regions in it, add to a pose's covariance (`docs/math.md`, section 10).
+//! Covariance added by errors of a whole exposure and of whole regions (`docs/math.md`, section 10).
 
 use nalgebra::{Matrix6, Vector3, Vector6};
 
-use crate::equations::information::honest;
+use crate::equations::information::validated_covariance;
 use crate::geometry::pose::{PARAMETERS, Tangent};
 use crate::math::gaussian::Gaussian;
 use crate::options::FrameSigma;
@@ -57,7 +57,7 @@ pub(super) fn with_frame_error(
     let whole = deviations(turn, if is_scan { sigma.place } else { 0.0 });
     let focal = focal_shift * sigma.focal;
     let whole = Matrix6::from_diagonal(&whole.component_mul(&whole)) + focal * focal.transpose();
-    honest(&(covariance + by_regions(covariance, factors, sigma) + whole))
+    validated_covariance(&(covariance + by_regions(covariance, factors, sigma) + whole))
 }
 
 fn deviations(turn: f64, way: f64) -> Vector6<f64> {

@@ -1,4 +1,4 @@
-//! A pose that may be the answer, and what is worked out of it when it is asked for.
+//! A pose hypothesis, its covariance and overlap computed on demand.
 
 use std::cell::OnceCell;
 
@@ -10,7 +10,7 @@ use super::frame_error::{RegionFactor, focal_shift, with_frame_error};
 use super::solution::Solution;
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
-use crate::contour::votes::Vote;
+use crate::contour::region_preference::RegionPreference;
 use crate::equations::least_squares::Minimum;
 use crate::geometry::overlap::OverlapAreas;
 use crate::geometry::pose::Pose;
@@ -23,7 +23,7 @@ use crate::search::poses::apart;
 
 /// A pose that may be the answer.
 #[derive(Debug, Clone)]
-pub(super) struct Place {
+pub(super) struct Hypothesis {
     pub(super) pose: Pose,
     pub(super) minimum: Option<Minimum>,
     pub(super) fit: ContourFit,
@@ -33,10 +33,10 @@ pub(super) struct Place {
     /// How each projected region covers the observed one, once it is asked for.
     pub(super) overlaps: OnceCell<Vec<OverlapAreas>>,
     /// What counts against it: how much worse than the best it fits, and the prior, in variances.
-    pub(super) against: f64,
+    pub(super) deviance: f64,
 }
 
-impl Place {
+impl Hypothesis {
     /// The answer of its samples about the problem's origin, its covariance and how far contours are blurred and grown, pixels.
     pub(super) fn answer(&self) -> Option<(Pose, Matrix6<f64>, f64)> {
         let Posterior { pose, covariance, blur, growth, .. } = self.posterior.as_ref()?;
@@ -46,7 +46,7 @@ impl Place {
     /// A place against which nothing counts yet.
     pub(super) fn new(pose: Pose, minimum: Option<Minimum>, fit: ContourFit) -> Self {
         let (covariance, overlaps) = (OnceCell::new(), OnceCell::new());
-        Self { pose, minimum, fit, posterior: None, covariance, overlaps, against: 0.0 }
+        Self { pose, minimum, fit, posterior: None, covariance, overlaps, deviance: 0.0 }
     }
 
     /// That of the samples, or else of the contours.
@@ -76,14 +76,14 @@ impl Place {
     }
 
     /// How much worse another place fits, in variances: by the contours, and by the moments where they decide.
-    pub(super) fn outdoes(&self, other: &Self, problem: &Problem, numbers: f64) -> f64 {
+    pub(super) fn deviance_to(&self, other: &Self, problem: &Problem, numbers: f64) -> f64 {
         if !apart(&self.fit.pose, &other.fit.pose, 0.0) {
             return 0.0;
         }
         if let (Some(own), Some(posterior)) = (&self.posterior, &other.posterior) {
             return own.against(posterior, problem.sampled()).max(0.0);
         }
-        let by_contours = self.fit.against(&other.fit, numbers);
+        let by_contours = self.fit.deviance_to(&other.fit, numbers);
         match (&self.minimum, &other.minimum) {
             (Some(own), Some(minimum)) => by_contours.max(problem.worse_by_moments(minimum.cost, own.cost, numbers)),
             _ => by_contours,
@@ -91,10 +91,10 @@ impl Place {
     }
 
     /// Which of this place and another each region belongs to, by the contours where these decide.
-    pub(super) fn votes(&self, other: &Self) -> Vec<Vote> {
+    pub(super) fn region_preferences(&self, other: &Self) -> Vec<RegionPreference> {
         match (&self.posterior, &other.posterior) {
-            (None, None) => self.fit.votes(&other.fit),
-            _ => vec![Vote::Neither; self.fit.regions().count()],
+            (None, None) => self.fit.region_preferences(&other.fit),
+            _ => vec![RegionPreference::Neither; self.fit.regions().count()],
         }
     }
 
@@ -122,15 +122,15 @@ impl Place {
 
 pub(super) fn solution(
     problem: &Problem,
-    place: Place,
-    [share, confidence]: [f64; 2],
+    hypothesis: Hypothesis,
+    [mode_probability, confidence]: [f64; 2],
     frame_sigma: &FrameSigma,
 ) -> Solution {
-    let (noise, factors) = (place.covariance(problem), place.region_factors(problem));
+    let (noise, factors) = (hypothesis.covariance(problem), hypothesis.region_factors(problem));
     let focal_shift = focal_shift(noise, &factors);
     let covariance = with_frame_error(noise, &factors, &focal_shift, problem.pixel_angle(), frame_sigma);
-    let (overlap_error, region_overlap_errors) = overlap_errors_of(place.overlaps(problem));
-    let Place { pose, minimum, fit, posterior, .. } = place;
+    let (overlap_error, region_overlap_errors) = overlap_errors_of(hypothesis.overlaps(problem));
+    let Hypothesis { pose, minimum, fit, posterior, .. } = hypothesis;
     Solution {
         pose,
         minimum,
@@ -141,6 +141,6 @@ pub(super) fn solution(
         covariance,
         focal_shift,
         confidence,
-        share,
+        mode_probability,
     }
 }

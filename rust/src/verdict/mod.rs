@@ -1,4 +1,4 @@
-//! What is known of a pose: how likely it is right, how well it is held, and the warnings.
+//! Assessment of poses: ranking, confidence, covariance, overlap and warnings.
 
 mod checks;
 pub mod confidence;
@@ -6,10 +6,10 @@ pub mod coverage;
 pub mod estimate;
 pub mod frame_error;
 mod hypothesis;
+pub mod mode_probability;
 pub mod nearness;
 pub mod outliers;
 mod ranking;
-pub mod shares;
 pub mod solution;
 pub mod warning;
 pub mod weakness;

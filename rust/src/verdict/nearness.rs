@@ -1,4 +1,4 @@
-//! How likely the noise leaves a pose near the true one (`docs/math.md`, eq. 15.2).
+//! Probability that a normal rotation error is within a radius (`docs/math.md`, eq. 15.2).
 
 use nalgebra::Matrix6;
 

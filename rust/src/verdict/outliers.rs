@@ -1,10 +1,10 @@
-//! The regions that do not belong to a pose while others do (`docs/math.md`, sections 11 and 17).
+//! Outlier regions: those that contradict a pose that others support (`docs/math.md`, sections 11 and 17).
 
 use super::solution::{POOR_OVERLAP, Solution};
 use crate::contour::members::log_odds;
 use crate::samples::posterior::Posterior;
 use crate::samples::trust::COIN;
-use crate::search::acceptance::LOOSE;
+use crate::search::acceptance::LOOSE_SIGMA;
 
 /// Probability that the label of a sample is wrong, of a region that belongs to the pose: by far too many.
 const MISLABELED: f64 = 0.1;
@@ -33,7 +33,7 @@ pub(super) fn outliers(solution: &Solution, sampled: &[usize]) -> Vec<Outlier> {
 fn contour_outliers(solution: &Solution, sampled: &[usize]) -> Vec<Outlier> {
     let (odds, shares) = (log_odds(&solution.fit), solution.fit.clean_shares());
     // A pose by the moments is a compromise of all regions.
-    if solution.minimum.is_some() || solution.fit.mixture.sigma >= LOOSE {
+    if solution.minimum.is_some() || solution.fit.mixture.sigma >= LOOSE_SIGMA {
         return Vec::new();
     }
     // One region alone may lie on its projection by chance, two hardly; of two regions one has to do.

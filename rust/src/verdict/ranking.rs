@@ -1,12 +1,12 @@
-//! The hypotheses ranked by what counts against them, with the probability of each.
+//! Hypotheses ranked by their deviance, with the posterior probability of each.
 
-use super::hypothesis::Place;
-use super::shares::{shares, together};
+use super::hypothesis::Hypothesis;
+use super::mode_probability::{mode_probabilities, probability_near};
+use crate::contour::degrees_of_freedom::residual_dof;
 use crate::contour::fit::AMBIGUITY;
-use crate::contour::numbers::telling;
-use crate::contour::votes::Vote;
+use crate::contour::region_preference::RegionPreference;
 use crate::geometry::pose::Pose;
-use crate::prior::{BELIEVED, Prior};
+use crate::prior::{MAX_PENALTY, Prior};
 use crate::problem::Problem;
 use crate::samples::labels::ALIKE;
 use crate::search::candidates::SAME_PLACE;
@@ -20,58 +20,66 @@ const TIE: f64 = 0.6;
 /// (`docs/math.md`, eq. 10.6).
 ///
 /// An initial pose without an uncertainty chooses the first among them.
-pub(super) fn likely(problem: &Problem, places: Vec<Place>, prior: &Prior) -> Vec<Place> {
-    let [first, _, ..] = places.as_slice() else { return places };
+pub(super) fn likely(problem: &Problem, hypotheses: Vec<Hypothesis>, prior: &Prior) -> Vec<Hypothesis> {
+    let [first, _, ..] = hypotheses.as_slice() else { return hypotheses };
     let first = first.clone();
-    let numbers = telling(problem.contours(), 1);
-    let against = |place: &Place| {
-        let worse = first.outdoes(place, problem, numbers);
-        let behind = BELIEVED * problem.seen_from_behind(&place.pose).len() as f64;
+    let numbers = residual_dof(problem.contours(), 1);
+    let deviance = |hypothesis: &Hypothesis| {
+        let worse = first.deviance_to(hypothesis, problem, numbers);
+        let behind = MAX_PENALTY * problem.seen_from_behind(&hypothesis.pose).len() as f64;
         // The evidence of samples holds the prior already.
-        let weighed = place.posterior.is_none() && prior.most() > 0.0;
-        let unlikely = if weighed { prior.penalty(&place.pose, place.covariance(problem)) } else { 0.0 };
+        let weighed = hypothesis.posterior.is_none() && prior.max_penalty() > 0.0;
+        let unlikely = if weighed { prior.penalty(&hypothesis.pose, hypothesis.covariance(problem)) } else { 0.0 };
         (if worse.abs() <= TIE { 0.0 } else { worse }) + unlikely + behind
     };
-    let mut places = by_against(places.into_iter().map(|place| Place { against: against(&place), ..place }).collect());
-    let least = places.first().map_or(0.0, |best| best.against);
-    places.retain(|place| place.against <= least + AMBIGUITY);
+    let mut hypotheses = by_deviance(
+        hypotheses.into_iter().map(|hypothesis| Hypothesis { deviance: deviance(&hypothesis), ..hypothesis }).collect(),
+    );
+    let least = hypotheses.first().map_or(0.0, |best| best.deviance);
+    hypotheses.retain(|hypothesis| hypothesis.deviance <= least + AMBIGUITY);
     // Sorting is stable: what the prior does not decide, the fit does, and the rotation where that does not either.
-    if let Some(best) = places.first().cloned() {
-        let ties =
-            |place: &Place| place.against == least && best.votes(place).iter().all(|&vote| vote == Vote::Neither);
-        places.sort_by_key(|place| if ties(place) { order(&place.pose) } else { [i64::MAX; 3] });
+    if let Some(best) = hypotheses.first().cloned() {
+        let ties = |hypothesis: &Hypothesis| {
+            hypothesis.deviance == least
+                && best.region_preferences(hypothesis).iter().all(|&preference| preference == RegionPreference::Neither)
+        };
+        hypotheses.sort_by_key(|hypothesis| if ties(hypothesis) { order(&hypothesis.pose) } else { [i64::MAX; 3] });
     }
     if let (Some(initial), true) = (prior.initial, chooses(prior)) {
-        places.sort_by(|a, b| a.pose.angle_to(&initial).total_cmp(&b.pose.angle_to(&initial)));
+        hypotheses.sort_by(|a, b| a.pose.angle_to(&initial).total_cmp(&b.pose.angle_to(&initial)));
     }
-    places.into_iter().map(|place| Place { against: place.against - least, ..place }).collect()
+    hypotheses
+        .into_iter()
+        .map(|hypothesis| Hypothesis { deviance: hypothesis.deviance - least, ..hypothesis })
+        .collect()
 }
 
 /// The places, the likeliest first.
-fn by_against(places: Vec<Place>) -> Vec<Place> {
-    sorted(places.into_iter().map(|place| (place.against, place)).collect())
+fn by_deviance(hypotheses: Vec<Hypothesis>) -> Vec<Hypothesis> {
+    sorted(hypotheses.into_iter().map(|hypothesis| (hypothesis.deviance, hypothesis)).collect())
         .into_iter()
-        .map(|(_, place)| place)
+        .map(|(_, hypothesis)| hypothesis)
         .collect()
 }
 
 /// The places that fit about as well as the best, with the share and the confidence of each, if any place found is the place, the
 /// largest confidence first, but where the prior has chosen.
-pub(super) fn stated(places: Vec<Place>, prior: &Prior) -> Vec<(Place, [f64; 2])> {
-    let Some(best) = places.first() else { return Vec::new() };
-    let against: Vec<f64> = places.iter().map(|place| place.against).collect();
-    let poses: Vec<Pose> = places.iter().map(|place| place.pose).collect();
-    let votes: Vec<Vec<Vote>> = places.iter().map(|place| best.votes(place)).collect();
-    let shares = shares(&against, &poses, &votes);
-    let confidences = together(&poses, &shares);
+pub(super) fn stated(hypotheses: Vec<Hypothesis>, prior: &Prior) -> Vec<(Hypothesis, [f64; 2])> {
+    let Some(best) = hypotheses.first() else { return Vec::new() };
+    let deviance: Vec<f64> = hypotheses.iter().map(|hypothesis| hypothesis.deviance).collect();
+    let poses: Vec<Pose> = hypotheses.iter().map(|hypothesis| hypothesis.pose).collect();
+    let preferences: Vec<Vec<RegionPreference>> =
+        hypotheses.iter().map(|hypothesis| best.region_preferences(hypothesis)).collect();
+    let shares = mode_probabilities(&deviance, &poses, &preferences);
+    let confidences = probability_near(&poses, &shares);
     let stated = shares.into_iter().zip(confidences).map(|(share, confidence)| [share, confidence]);
-    let mut places: Vec<(Place, [f64; 2])> = places.into_iter().zip(stated).collect();
+    let mut hypotheses: Vec<(Hypothesis, [f64; 2])> = hypotheses.into_iter().zip(stated).collect();
     // Those by samples that are less likely have their shares, too.
-    places.retain(|(place, _)| place.posterior.is_none() || place.against <= ALIKE);
+    hypotheses.retain(|(hypothesis, _)| hypothesis.posterior.is_none() || hypothesis.deviance <= ALIKE);
     if !chooses(prior) {
-        places.sort_by(|(_, [_, a]), (_, [_, b])| b.total_cmp(a));
+        hypotheses.sort_by(|(_, [_, a]), (_, [_, b])| b.total_cmp(a));
     }
-    places
+    hypotheses
 }
 
 /// Whether an initial pose without an uncertainty chooses among what fits alike.

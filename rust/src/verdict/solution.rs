@@ -1,4 +1,4 @@
-//! A pose and how well it fits.
+//! A pose and the quality of its fit.
 
 use nalgebra::Matrix6;
 
@@ -38,7 +38,7 @@ pub struct Solution {
     /// Probability that the true pose is within 5 degrees (`docs/math.md`, section 15).
     pub confidence: f64,
     /// Probability that this answer is the place, each answer being one of its own.
-    pub share: f64,
+    pub mode_probability: f64,
 }
 
 impl Solution {

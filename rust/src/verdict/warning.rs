@@ -1,4 +1,4 @@
-//! What a user has to know before trusting a pose.
+//! Warnings of an estimate: their codes and texts.
 
 use nalgebra::Vector3;
 use thiserror::Error as Message;
@@ -19,7 +19,7 @@ pub enum Warning {
     #[error("{} other pose(s) fit as well, the regions are symmetric or too few: {}", .others.len(), listed(.others))]
     Ambiguous {
         /// From the best pose to each of the others, the nearest first.
-        others: Vec<Way>,
+        others: Vec<RelativePose>,
     },
     /// The search or its least squares did not end at a minimum.
     #[error("the search did not converge: {termination}")]
@@ -159,7 +159,7 @@ impl Warning {
 /// From one pose to another.
 #[derive(Debug, Clone, PartialEq, Message)]
 #[error("{degrees:.1} deg about camera axis [{}] with the camera {:.1} mm away", shown(.axis), MM * .shift)]
-pub struct Way {
+pub struct RelativePose {
     /// Turn, degrees.
     pub degrees: f64,
     /// The axis it is about.
@@ -168,7 +168,7 @@ pub struct Way {
     pub shift: f64,
 }
 
-impl Way {
+impl RelativePose {
     /// From a pose to another: the turn in the camera's axes, and how far the camera goes.
     pub(super) fn between(from: &Pose, to: &Pose) -> Self {
         let increment = from.increment_to(to);
@@ -206,7 +206,7 @@ pub enum Cause {
     Coplanar,
 }
 
-fn listed(others: &[Way]) -> String {
+fn listed(others: &[RelativePose]) -> String {
     let mut parts: Vec<String> = others.iter().take(SPELT_OUT).map(|way| way.to_string()).collect();
     if others.len() > SPELT_OUT {
         parts.push(format!("and {} more", others.len() - SPELT_OUT));

@@ -1,4 +1,4 @@
-//! Directions in which the regions hold a pose only weakly, and what makes them so.
+//! Weakly constrained directions of a pose, and their causes.
 
 use nalgebra::{Matrix3, Matrix6, SymmetricEigen, U3, Vector3};
 

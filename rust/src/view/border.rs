@@ -1,4 +1,4 @@
-//! The border of the image about an observed region: what of the world it lets be seen (`docs/math.md`, section 14).
+//! The image's border in a region's chart, and the part of the world inside it (`docs/math.md`, section 14).
 
 use std::cell::Cell;
 

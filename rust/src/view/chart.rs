@@ -1,4 +1,4 @@
-//! A region's own view: the camera turned so that the region lies around the axis, and its size made one.
+//! A gnomonic projection of a region about its own direction, scaled to unit size.
 
 use nalgebra::{Rotation3, Vector2, Vector3};
 

@@ -31,7 +31,7 @@ fn sampled_region(random: &mut Random, world: &WorldRegion, gap: f64, shrunk: f6
     let count = |axis: usize| ((high[axis] - low[axis]) / gap).ceil() as usize + 6;
     let places = (0..count(0)).flat_map(|i| (0..count(1)).map(move |j| Vector2::new(i as f64, j as f64) * gap));
     let (inside, outside): (Vec<_>, Vec<_>) = places.map(|p| first + p).partition(|p| outline.contains(*p));
-    let lifted = |flat: Vec<Vector2<f64>>| flat.iter().map(|p| frame.lifted(p)).collect::<Vec<_>>();
+    let lifted = |flat: Vec<Vector2<f64>>| flat.iter().map(|p| frame.to_world(p)).collect::<Vec<_>>();
     let rings = outline.rings().iter().map(|ring| ring.iter().map(|p| p * shrunk).collect()).collect();
     let start = WorldRegion::from_outline(frame.clone(), PlaneRings::new(rings).unwrap()).unwrap();
     start.with_samples(&lifted(inside), &lifted(outside)).unwrap()

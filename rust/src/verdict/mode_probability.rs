@@ -1,18 +1,18 @@
-//! What each of several answers has of the probability that one of them is right (`docs/math.md`, section 15).
+//! Posterior probabilities of the modes that were found (`docs/math.md`, section 15).
 
 use super::nearness::RIGHT;
-use crate::contour::votes::Vote;
+use crate::contour::region_preference::RegionPreference;
 use crate::geometry::pose::Pose;
 
 /// The probabilities that each of some answers is the place, if one of them is, from what counts against them in variances.
 ///
 /// Answers within 5 degrees of one another share what the likeliest of them would have, and so do those that the same regions vote
 /// for: from how many poses a place is reached, or a region fits, makes none of them likelier.
-pub fn shares(against: &[f64], poses: &[Pose], votes: &[Vec<Vote>]) -> Vec<f64> {
+pub fn mode_probabilities(against: &[f64], poses: &[Pose], preferences: &[Vec<RegionPreference>]) -> Vec<f64> {
     let first = |index: usize| (0..=index).find(|&other| is_near(&poses[other], &poses[index]));
     let places: Vec<Option<usize>> = (0..poses.len()).map(first).collect();
     let by_place = shared(against, against, |a, b| places[a] == places[b]);
-    let by_votes = shared(against, &by_place, |a, b| votes[a] == votes[b]);
+    let by_votes = shared(against, &by_place, |a, b| preferences[a] == preferences[b]);
     let least = against.iter().copied().fold(f64::INFINITY, f64::min);
     let weights: Vec<f64> = by_votes.iter().map(|against| (0.5 * (least - against)).exp()).collect();
     let all: f64 = weights.iter().sum();
@@ -32,7 +32,7 @@ fn shared(given: &[f64], against: &[f64], are_alike: impl Fn(usize, usize) -> bo
 
 /// The probability that the true pose is within 5 degrees of each of some answers, from those that each is the place: the sum of those
 /// of all answers so near to it.
-pub fn together(poses: &[Pose], shares: &[f64]) -> Vec<f64> {
+pub fn probability_near(poses: &[Pose], shares: &[f64]) -> Vec<f64> {
     let all = || poses.iter().zip(shares);
     poses.iter().map(|pose| all().filter(|(other, _)| is_near(pose, other)).map(|(_, share)| share).sum()).collect()
 }

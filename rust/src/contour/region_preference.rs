@@ -7,7 +7,7 @@ use super::correlation::split;
 
 /// Which of two poses a region belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Vote {
+pub enum RegionPreference {
     /// The first alone.
     First,
     /// Both, or neither.
@@ -16,7 +16,7 @@ pub enum Vote {
     Second,
 }
 
-impl Vote {
+impl RegionPreference {
     /// Of a region that belongs to the first alone, to the second alone, or else to both or neither.
     pub fn of(first: bool, second: bool) -> Self {
         match (first, second) {
@@ -29,30 +29,35 @@ impl Vote {
 
 /// How much worse the second pose is, in variances, of `worse` by all regions or some: with the sign of the more votes, and where
 /// there are as many for either pose by the other regions and by how far off, pixels, each region lies at each.
-pub fn decided(votes: &[Vote], distances: [&[f64]; 2], worse: impl Fn(&[bool]) -> f64) -> f64 {
-    let count = |vote: Vote| votes.iter().filter(|&&other| other == vote).count();
-    let (first, second) = (count(Vote::First), count(Vote::Second));
-    let by_all = || worse(&vec![true; votes.len()]);
-    let by_others = || worse(&votes.iter().map(|&vote| vote == Vote::Neither).collect::<Vec<_>>());
+pub fn compare_by_region(
+    preferences: &[RegionPreference],
+    distances: [&[f64]; 2],
+    worse: impl Fn(&[bool]) -> f64,
+) -> f64 {
+    let count = |preference: RegionPreference| preferences.iter().filter(|&&other| other == preference).count();
+    let (first, second) = (count(RegionPreference::First), count(RegionPreference::Second));
+    let by_all = || worse(&vec![true; preferences.len()]);
+    let by_others =
+        || worse(&preferences.iter().map(|&preference| preference == RegionPreference::Neither).collect::<Vec<_>>());
     match first.cmp(&second) {
         // What chance alone puts ahead of the likelier pose is not better.
         _ if first == 0 || second == 0 => by_all().max(0.0),
         Ordering::Greater => by_all().abs(),
         Ordering::Less => -by_all().abs(),
-        Ordering::Equal => by_others() + 2.0 * by_distances(votes, distances),
+        Ordering::Equal => by_others() + 2.0 * by_distances(preferences, distances),
     }
 }
 
 /// Logarithm of the odds of the first pose by how far off each region lies at the pose that it does not belong to.
 ///
 /// The place of a region that is elsewhere has no scale: at a distance `r` in the image its density falls as `1 / r^2`.
-fn by_distances(votes: &[Vote], [first, second]: [&[f64]; 2]) -> f64 {
-    let odds = |((vote, first), second): ((&Vote, &f64), &f64)| match vote {
-        Vote::First => 2.0 * second.ln(),
-        Vote::Neither => 0.0,
-        Vote::Second => -2.0 * first.ln(),
+fn by_distances(preferences: &[RegionPreference], [first, second]: [&[f64]; 2]) -> f64 {
+    let odds = |((preference, first), second): ((&RegionPreference, &f64), &f64)| match preference {
+        RegionPreference::First => 2.0 * second.ln(),
+        RegionPreference::Neither => 0.0,
+        RegionPreference::Second => -2.0 * first.ln(),
     };
-    votes.iter().zip(first).zip(second).map(odds).sum()
+    preferences.iter().zip(first).zip(second).map(odds).sum()
 }
 
 /// The values of the regions that count, and how many each of these has.
