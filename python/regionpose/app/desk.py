@@ -25,8 +25,8 @@ from regionpose.app.sketch import Sketch
 from regionpose.app.solid_view import RayIndex, point_buffer, sample_indices
 from regionpose.fusion.colors import colored_cloud
 from regionpose.io.clouds import Cloud
+from regionpose.validation.arrays import Array
 
-Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 LARGEST_SIDE = 4096

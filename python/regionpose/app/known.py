@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from regionpose.geometry.pose import Pose
 from regionpose.geometry.units import angle_text, length_text
+from regionpose.validation.arrays import Array
 
-Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
 
 NEAR_SIGMA_M = 2.0

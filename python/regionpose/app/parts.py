@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from regionpose.regions.image import ImageRegion
 from regionpose.scene.region_sides import WorldSide
 
-Array = NDArray[np.float64]
 Levels = NDArray[np.uint8]
 Part = TypeVar("Part")
 

@@ -24,8 +24,7 @@ from regionpose.segment.image import grow_image_region, stable_tolerances
 from regionpose.segment.quads import quads_around
 from regionpose.segment.segmenters import Segmenter, segmented
 from regionpose.segment.whole_plane import whole_plane
-
-Array = NDArray[np.float64]
+from regionpose.validation.arrays import Array
 
 MOST_MASKS = 3
 """Grown masks that a click proposes: as many as a glance takes in."""

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from regionpose.io.clouds import Cloud
+from regionpose.validation.arrays import Array
 from regionpose.viz.overlays import depth_colors
 
-Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 Cells = NDArray[np.int32]

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from regionpose.io.clouds import Cloud
-
-Array = NDArray[np.float64]
+from regionpose.validation.arrays import Array
 
 MOST_POINTS = 120_000
 """Points that are looked at: those of a turn of a lidar with 64 beams."""

@@ -34,8 +34,7 @@ from regionpose.scene.solver_config import scene_prior
 from regionpose.scene.stages import Stages
 from regionpose.segment.cloud import points_on_plane
 from regionpose.segment.segmenters import Segmenter
-
-Array = NDArray[np.float64]
+from regionpose.validation.arrays import Array
 
 MOST_UNDO = 200
 """Steps that can be undone; each holds references to its regions, not copies."""

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose.segment.cloud import nearest_to_ray
+from regionpose.validation.arrays import Array
 
-Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 Indices = NDArray[np.int64]
 

@@ -9,11 +9,10 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Self, SupportsFloat
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from regionpose.validation.arrays import real_array, row_array
+from regionpose.validation.arrays import Array, real_array, row_array
 
-Array = NDArray[np.float64]
 Components = tuple[Array, ...]
 
 BLOCK_ROWS = 16384

@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from regionpose.cameras.base import Array
 from regionpose.cameras.inversion import Rows, bracketed_roots, derivative, polynomial, positive_roots
+from regionpose.validation.arrays import Array
 
 ROOT_TOLERANCE = 1e-12
 """Value of a polynomial, over the sum of its terms' sizes, that counts as zero: its rounding at a root, with room."""

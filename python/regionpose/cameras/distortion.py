@@ -9,10 +9,11 @@ from typing import SupportsFloat
 
 import numpy as np
 
-from regionpose.cameras.base import LIMIT_SLACK, Array, finite_numbers
+from regionpose.cameras.base import LIMIT_SLACK, finite_numbers
 from regionpose.cameras.branches import Branch, Disturbance, RadialFactor, branches_of
 from regionpose.cameras.inversion import PlaneMapping, Rows, bracketed_roots, inverses_in_ring
 from regionpose.cameras.tilt import mapped, tilt_matrix
+from regionpose.validation.arrays import Array
 
 COEFFICIENT_COUNTS = (0, 4, 5, 8, 12, 14)
 """Numbers of coefficients that OpenCV defines."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from regionpose.cameras.base import LIMIT_SLACK, Array, Camera, Components, image_length
+from regionpose.cameras.base import LIMIT_SLACK, Camera, Components, image_length
+from regionpose.validation.arrays import Array
 
 
 @dataclass(frozen=True)

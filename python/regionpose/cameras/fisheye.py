@@ -9,9 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionpose.cameras.base import LIMIT_SLACK, Array, Components, finite_numbers
+from regionpose.cameras.base import LIMIT_SLACK, Components, finite_numbers
 from regionpose.cameras.inversion import Rows, bracketed_roots, derivative, first_positive_root, polynomial
 from regionpose.cameras.matrix import MatrixCamera, intrinsics_of
+from regionpose.validation.arrays import Array
 
 
 @dataclass(frozen=True)

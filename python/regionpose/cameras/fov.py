@@ -7,8 +7,9 @@ from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
-from regionpose.cameras.base import Array, Components, positive_number
+from regionpose.cameras.base import Components, positive_number
 from regionpose.cameras.matrix import MatrixCamera
+from regionpose.validation.arrays import Array
 
 
 @dataclass(frozen=True)

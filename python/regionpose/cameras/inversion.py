@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.cameras.base import Array
+from regionpose.validation.arrays import Array
 
 Rows = NDArray[np.intp]
 Residual = Callable[[Array, Rows], tuple[Array, Array]]

@@ -8,8 +8,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionpose.cameras.base import Array, Camera, finite_number, image_length, positive_number
-from regionpose.validation.arrays import finite_array
+from regionpose.cameras.base import Camera, finite_number, image_length, positive_number
+from regionpose.validation.arrays import Array, finite_array
 
 
 class MatrixCamera(Camera):

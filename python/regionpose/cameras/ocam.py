@@ -10,14 +10,13 @@ import numpy as np
 
 from regionpose.cameras.base import (
     LIMIT_SLACK,
-    Array,
     Camera,
     Components,
     finite_numbers,
     image_length,
 )
 from regionpose.cameras.inversion import Rows, bracketed_roots, derivative, first_positive_root, polynomial
-from regionpose.validation.arrays import finite_array
+from regionpose.validation.arrays import Array, finite_array
 
 Stretch = tuple[tuple[float, float], tuple[float, float]]
 

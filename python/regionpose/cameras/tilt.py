@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from regionpose.cameras.base import Array
+from regionpose.validation.arrays import Array
 
 
 def tilt_matrix(tau_x: float, tau_y: float) -> Array:

@@ -9,9 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionpose.cameras.base import LIMIT_SLACK, Array, Components, finite_number
+from regionpose.cameras.base import LIMIT_SLACK, Components, finite_number
 from regionpose.cameras.distortion import RadialTangential, distortion_of
 from regionpose.cameras.matrix import MatrixCamera, intrinsics_of
+from regionpose.validation.arrays import Array
 
 
 @dataclass(frozen=True)

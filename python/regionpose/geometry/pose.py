@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from regionpose.validation.arguments import checked_arguments
-from regionpose.validation.arrays import KeptArrays, finite_array, read_only, real_array
+from regionpose.validation.arrays import Array, KeptArrays, finite_array, read_only, real_array
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform, Rotation
 
-Array = NDArray[np.float64]
 
 UNIT_TOLERANCE = 1e-6
 """How far a rotation matrix may be from orthonormal, as the largest entry of `R^T R - I`: what six digits in a file

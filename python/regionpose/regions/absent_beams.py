@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose.regions.plane_samples import PlaneSamples, checked_sensor
-from regionpose.validation.arrays import check_coordinates, row_array
+from regionpose.validation.arrays import Array, check_coordinates, row_array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 BEAM = 0.5

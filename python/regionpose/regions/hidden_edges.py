@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose.regions.mask import MaskWindow, checked_mask, traced_mask
+from regionpose.validation.arrays import Array
 from regionpose.validation.foreign import as_array
 
-Array = NDArray[np.float64]
 Marks = NDArray[np.bool_]
 
 PART_PX = 0.5

@@ -16,13 +16,12 @@ from regionpose.regions.hidden_edges import marked_edges, marked_lines, traced_b
 from regionpose.regions.mask import MaskWindow, seam_free, traced_mask
 from regionpose.regions.pixel_edges import Border, border_lines, line_bearings, ring_bearings, seen_part, sides_of
 from regionpose.validation.arguments import checked_arguments
-from regionpose.validation.arrays import KeptArrays, counter_clockwise, read_only, ring_list, signed_area
+from regionpose.validation.arrays import Array, KeptArrays, counter_clockwise, read_only, ring_list, signed_area
 from regionpose.validation.foreign import polygon_parts
 
 if TYPE_CHECKING:
     import shapely
 
-Array = NDArray[np.float64]
 Marks = NDArray[np.bool_]
 
 ON_BORDER_PX = 1e-6

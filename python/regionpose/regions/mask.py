@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
-from regionpose.validation.arrays import KeptArrays, read_only
+from regionpose.validation.arrays import Array, KeptArrays, read_only
 from regionpose.validation.foreign import as_array
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, init=False)

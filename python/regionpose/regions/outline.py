@@ -18,9 +18,7 @@ from scipy.spatial import Delaunay, QhullError
 
 from regionpose import _core
 from regionpose.regions.plane_samples import plane_samples, thinned
-from regionpose.validation.arrays import signed_area
-
-Array = NDArray[np.float64]
+from regionpose.validation.arrays import Array, signed_area
 
 CONNECTED_SHARE = 0.98
 """Share of the points that the outline has to hold together; the rest counts as stray."""

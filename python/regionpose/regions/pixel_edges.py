@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose.cameras import Camera
+from regionpose.validation.arrays import Array
 
-Array = NDArray[np.float64]
 Border = tuple[float, float, float, float]
 
 BEND_TOLERANCE_PX = 0.01

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from regionpose.validation.arrays import Array
 
 PLANE_TRIALS = 200
 """Planes through three random points that are tried: 40 % of outliers leave a wrong best with odds of 1e-21."""

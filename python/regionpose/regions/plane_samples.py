@@ -6,13 +6,11 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from regionpose.regions.plane_fit import INLIER_SIGMAS, MAD_TO_SIGMA, axes_of, robust_plane
-from regionpose.validation.arrays import LARGEST_COORDINATE, check_coordinates, check_extent, row_array
-
-Array = NDArray[np.float64]
+from regionpose.validation.arrays import LARGEST_COORDINATE, Array, check_coordinates, check_extent, row_array
 
 ROUNDING = 64.0
 """Rounding errors of a coordinate that a distance from a plane may hold."""

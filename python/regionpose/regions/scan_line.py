@@ -32,8 +32,7 @@ from regionpose.regions.scan_samples import (
     other_places,
     some,
 )
-
-Array = NDArray[np.float64]
+from regionpose.validation.arrays import Array
 
 
 class LineSamples(NamedTuple):

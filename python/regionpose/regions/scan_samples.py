@@ -18,8 +18,8 @@ from scipy.spatial import Delaunay, QhullError, cKDTree
 from regionpose.regions.absent_beams import absent_places, scan_reach
 from regionpose.regions.outline import bridging_radius
 from regionpose.regions.plane_samples import LEAST_APPROACH, PlaneSamples
+from regionpose.validation.arrays import Array
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Kind = TypeVar("Kind", np.float64, np.intp)
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from regionpose import _core
 from regionpose.validation.arrays import (
+    Array,
     check_coordinates,
     counter_clockwise,
     real_array,
@@ -18,8 +19,6 @@ from regionpose.validation.arrays import (
     row_array,
     signed_area,
 )
-
-Array = NDArray[np.float64]
 
 PLANE_SHARE = 0.01
 """Distance of a vertex from the common plane of polygons, over their extent, up to which they count as planar."""

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from regionpose.alignment.photo import DIRECTIONS, Photo
 from regionpose.cameras import Camera
 from regionpose.scene.plane_borders import Border, Pieces
+from regionpose.validation.arrays import Array
 
-Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 SPREAD_PX, SNAP_SPREAD_PX = 2.0, 1.0

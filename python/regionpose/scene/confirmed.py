@@ -24,9 +24,8 @@ from regionpose.solve.prior import Prior
 from regionpose.solve.rig import Frame, estimate_rig
 from regionpose.solve.single import estimate_pose
 from regionpose.validation.arguments import checked_arguments
-from regionpose.validation.arrays import KeptArrays, check_coordinates, finite_array, row_array
+from regionpose.validation.arrays import Array, KeptArrays, check_coordinates, finite_array, row_array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 LEAST_LOG_ODDS = float(np.log(9.0))

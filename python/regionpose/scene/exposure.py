@@ -6,9 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from regionpose.cameras import Camera
 from regionpose.geometry.pose import Pose
 from regionpose.io.clouds import Cloud
@@ -25,8 +22,7 @@ from regionpose.scene.stages import Stages
 from regionpose.solve.core_inputs import overlap_errors
 from regionpose.solve.matching import RegionMatches, match_regions
 from regionpose.solve.warning import PoseWarning
-
-Array = NDArray[np.float64]
+from regionpose.validation.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

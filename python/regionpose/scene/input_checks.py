@@ -11,7 +11,6 @@ from typing import TypeVar
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
 from regionpose.io.clouds import Cloud
@@ -19,8 +18,8 @@ from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 from regionpose.solve.warning import PoseWarning
 from regionpose.validation.arguments import checked_arguments
+from regionpose.validation.arrays import Array
 
-Array = NDArray[np.float64]
 Region = TypeVar("Region", ImageRegion, WorldRegion)
 
 SAME_SHARE = 0.9

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose.io.bags.place import NANOSECONDS
+from regionpose.validation.arrays import Array
 
-Array = NDArray[np.float64]
 Thumbnail = NDArray[np.float32]
 
 MOST_LOOKS = 120

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from shapely.geometry.base import BaseGeometry
 
@@ -20,9 +19,8 @@ from regionpose.scene.exposure import Matching, SceneData, Unpaired, checked
 from regionpose.scene.models import PLANES
 from regionpose.solve.estimate import PoseError
 from regionpose.solve.prior import Prior
+from regionpose.validation.arrays import Array
 from regionpose.viz.projections import projected_rings
-
-Array = NDArray[np.float64]
 
 LEAST_WITHIN = 0.5
 """Share of a projected plane that lies in the image region of its pair: a convention, most of it. Scans show the lower

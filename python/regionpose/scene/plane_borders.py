@@ -17,9 +17,9 @@ from regionpose.alignment.views import EDGE_SHARE, cell_and_gap, half_field, pix
 from regionpose.geometry.pose import Pose
 from regionpose.regions.outline import sparse_sampling_told_to
 from regionpose.regions.world import WorldRegion
+from regionpose.validation.arrays import Array
 from regionpose.viz.projections import projected_rings
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 

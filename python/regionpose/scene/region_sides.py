@@ -34,8 +34,8 @@ from regionpose.scene.models import (
 from regionpose.scene.models import WorldSide as WorldItem
 from regionpose.scene.sensors import Picture, SensorOrigin, named
 from regionpose.segment.segmenters import Segmenter, segmented
+from regionpose.validation.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 FAR = 10_000.0

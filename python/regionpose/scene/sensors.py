@@ -39,8 +39,8 @@ from regionpose.scene.models import (
     InlineUnified,
 )
 from regionpose.scene.stages import Stages
+from regionpose.validation.arrays import Array
 
-Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 Value = TypeVar("Value")
 

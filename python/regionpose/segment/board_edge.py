@@ -8,8 +8,7 @@ from scipy import ndimage
 
 from regionpose.segment.grid_places import placed
 from regionpose.segment.image_lines import Floats, smooth_lab
-
-Array = NDArray[np.float64]
+from regionpose.validation.arrays import Array
 
 BEYOND = 1.5
 """Squares beyond the pattern within which the board's edge is looked for; a convention."""

@@ -18,8 +18,8 @@ from scipy.spatial import cKDTree
 from regionpose.segment.board_edge import BEYOND, board_around
 from regionpose.segment.grid_places import placed
 from regionpose.segment.x_corners import Corners, x_corners
+from regionpose.validation.arrays import Array
 
-Array = NDArray[np.float64]
 Cell = tuple[int, int]
 
 WORK_PIXELS = 2_500_000

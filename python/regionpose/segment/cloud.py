@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from regionpose.progress import Progress
 from regionpose.regions.plane_samples import plane_samples
 from regionpose.segment.narrow_parts import without_narrow_parts
-from regionpose.segment.patch import ANGLE_DEG, Array, Indices, Patch, grown, nearest_points, start_patch
-from regionpose.validation.arrays import check_coordinates, row_array
+from regionpose.segment.patch import ANGLE_DEG, Indices, Patch, grown, nearest_points, start_patch
+from regionpose.validation.arrays import Array, check_coordinates, row_array
 
 SEED_CROWD = 96
 """A seed's nearest point has this many neighbors nearer than the seed when that marks nothing: about five spacings.

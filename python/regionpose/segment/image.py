@@ -16,9 +16,8 @@ from skimage.filters import rank
 from skimage.morphology import disk, reconstruction
 
 from regionpose.segment.outlining import Growth, Reduced, as_bytes, outlined
-from regionpose.validation.arrays import checked_levels, sample_bits
+from regionpose.validation.arrays import Array, checked_levels, sample_bits
 
-Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 Mask = NDArray[np.bool_]

@@ -10,7 +10,8 @@ from PIL import Image
 from scipy import ndimage
 from skimage.color import rgb2lab
 
-Array = NDArray[np.float64]
+from regionpose.validation.arrays import Array
+
 Floats = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 

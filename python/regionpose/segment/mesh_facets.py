@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from regionpose.regions.world import TriangleMesh, WorldRegion, mesh_parts
 from regionpose.validation.arguments import checked_arguments
+from regionpose.validation.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 WELD_SHARE = 1e-7

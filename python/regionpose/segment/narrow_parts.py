@@ -9,8 +9,6 @@ from shapely.geometry.base import BaseGeometry
 
 from regionpose.regions.outline import outline_of_points
 
-Array = NDArray[np.float64]
-
 ARC_SEGMENTS = 16
 """Segments of a quarter turn where the opening rounds a corner: they lie within 0.3 % of the radius of its arc."""
 

@@ -18,8 +18,8 @@ from regionpose.progress import Progress
 from regionpose.regions.outline import bridging_radius
 from regionpose.regions.plane_fit import robust_plane
 from regionpose.regions.plane_samples import ROUNDING
+from regionpose.validation.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 

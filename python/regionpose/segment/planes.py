@@ -21,12 +21,12 @@ from regionpose.segment.patch import (
     MOST_CELLS,
     SEED_THICKNESS,
     SEED_WIDTH,
-    Array,
     Indices,
     Patch,
     grown,
     start_patch,
 )
+from regionpose.validation.arrays import Array
 
 MOST_THINNED = 150_000
 """Points to which a cloud is thinned to look for planes; the patches found are filled with all points afterwards."""

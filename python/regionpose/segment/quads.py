@@ -18,8 +18,8 @@ from regionpose.segment.image_lines import (
     straight_lines,
     window_around,
 )
+from regionpose.validation.arrays import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 WINDOWS = (1 / 16, 1 / 8, 1 / 4, 1 / 2)

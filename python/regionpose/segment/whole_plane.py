@@ -30,7 +30,6 @@ from regionpose.segment.patch import (
     MOST_CELLS,
     RIM_CELLS,
     SPACING_POINTS,
-    Array,
     Indices,
     Mask,
     Patch,
@@ -38,6 +37,7 @@ from regionpose.segment.patch import (
     counts,
     grown,
 )
+from regionpose.validation.arrays import Array
 
 MOST_ROUNDS = 12
 """Rounds until a plane and its points stay the same, at the most; a convention, at which few points come and go."""

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-Array = NDArray[np.float64]
+from regionpose.validation.arrays import Array
+
 Floats = NDArray[np.float32]
 Indices = NDArray[np.intp]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from regionpose.validation.arrays import Array
 from regionpose.viz.pens import (
     PAPER,
     Box,
@@ -20,8 +20,6 @@ from regionpose.viz.pens import (
     text_size,
     written,
 )
-
-Array = NDArray[np.float64]
 
 POINT_STEP = 3.0
 """Pixels between neighboring points of a line that labels keep clear of."""

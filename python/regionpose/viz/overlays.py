@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from PIL import Image
 
 from regionpose.alignment.agreement import Alignment
@@ -17,7 +17,7 @@ from regionpose.regions.world import WorldRegion
 from regionpose.solve.core_inputs import check_camera
 from regionpose.solve.sample_fit import SampleFit, sample_fit
 from regionpose.validation.arguments import checked_arguments
-from regionpose.validation.arrays import checked_image
+from regionpose.validation.arrays import Array, checked_image
 from regionpose.viz.depths import checked_limits, depth_colors, depth_dots, draw_depths, with_bar
 from regionpose.viz.labels import annotated
 from regionpose.viz.pens import CASING, Bytes, Color, draw_dots, draw_lines
@@ -25,7 +25,6 @@ from regionpose.viz.projections import projected_lines, projected_rings, repeate
 
 __all__ = ["depth_colors", "overlay_depth", "overlay_edges", "overlay_regions", "projected_lines"]
 
-Array = NDArray[np.float64]
 
 OBSERVED: Color = (64, 176, 255)
 PROJECTED: Color = (255, 140, 0)

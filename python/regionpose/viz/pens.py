@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-Array = NDArray[np.float64]
+from regionpose.validation.arrays import Array
+
 Bytes = NDArray[np.uint8]
 Color = tuple[int, int, int]
 Box = tuple[int, int, int, int]

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionpose.cameras import Camera
 from regionpose.geometry.pose import Pose
 from regionpose.regions.world import WorldRegion
-
-Array = NDArray[np.float64]
+from regionpose.validation.arrays import Array
 
 ARC_STEP = np.radians(0.2)
 """Radians between neighboring points on a projected edge: distortion bends it by far less than a pixel in between."""

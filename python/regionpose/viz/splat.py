@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from regionpose.validation.arrays import Array
+
 Colors = NDArray[np.uint8]
 
 MOST_POINTS = 400_000

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from regionpose.cameras import Camera, PinholeCamera
-from regionpose.cameras.base import Array
 from regionpose.io.calibrations.text import CalibrationText
+from regionpose.validation.arrays import Array
 
 PROJECTION = re.compile(r"(P\d|P_rect_\d\d)\s*:", re.MULTILINE)
 RAW = re.compile(r"K_(\d\d)")

@@ -7,10 +7,10 @@ from functools import partial
 import numpy as np
 
 from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
-from regionpose.cameras.base import Array
 from regionpose.io.calibrations.models import matrix_camera
 from regionpose.io.calibrations.text import CalibrationText
 from regionpose.io.calibrations.yaml_items import YamlItem, YamlMapping, parsed
+from regionpose.validation.arrays import Array
 
 
 def describes_text(source: CalibrationText) -> bool:

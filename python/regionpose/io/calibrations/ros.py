@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 
 from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
-from regionpose.cameras.base import Array
 from regionpose.io.calibrations.yaml_items import YamlItem, YamlMapping
+from regionpose.validation.arrays import Array
 
 MATRIX_KEYS = ("camera_matrix", "K", "k")
 DISTORTION_KEYS = ("distortion_coefficients", "D", "d")

@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose.io.clouds.errors import cloud_error
-from regionpose.validation.arrays import KeptArrays
+from regionpose.validation.arrays import Array, KeptArrays
 from regionpose.validation.foreign import HasPoints, HasVertices, as_array, surface_of
 
-Array = NDArray[np.float64]
 Scalars = NDArray[Any]
 
 ORIGIN_THRESHOLD = 10_000.0

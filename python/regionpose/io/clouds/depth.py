@@ -8,9 +8,10 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionpose.io.clouds.cloud import Array, Cloud, Scalars
+from regionpose.io.clouds.cloud import Cloud, Scalars
 from regionpose.io.clouds.errors import CloudError, cloud_error
 from regionpose.io.reading import FileError, read_pixels
+from regionpose.validation.arrays import Array
 
 DEPTH_MODES = ("I;16", "I;16B", "I;16L", "I", "F")
 """Pillow's modes of images with one channel of more than 8 bits."""

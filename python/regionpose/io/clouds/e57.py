@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from regionpose.io.clouds.cloud import Array, Cloud, Scalars
+from regionpose.io.clouds.cloud import Cloud, Scalars
 from regionpose.io.clouds.columns import COORDINATES, cloud_of_columns
 from regionpose.io.clouds.errors import CloudError, cloud_error
 from regionpose.io.clouds.pieces import PIECE_POINTS
 from regionpose.io.reading import unfolding_error
 from regionpose.progress import Progress, part
+from regionpose.validation.arrays import Array
 from regionpose.validation.extras import load_extra
 
 CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")

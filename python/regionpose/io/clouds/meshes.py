@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from regionpose.io.clouds.cloud import Array, Cloud, Scalars
+from regionpose.io.clouds.cloud import Cloud, Scalars
 from regionpose.io.clouds.errors import CloudError, cloud_error
 from regionpose.io.json_text import json_value
 from regionpose.io.reading import unfolding_error
+from regionpose.validation.arrays import Array
 from regionpose.validation.extras import load_extra
 
 ELEMENT_BYTES = 12

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionpose.cameras import (
     Camera,
@@ -19,8 +18,8 @@ from regionpose.cameras import (
 )
 from regionpose.cameras.colmap import CORNER_TO_CENTER
 from regionpose.io.exports.view import ExportedView
+from regionpose.validation.arrays import Array
 
-Array = NDArray[np.float64]
 Files = dict[str, str]
 
 GRAPHICS_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from regionpose.cameras import (
@@ -18,8 +17,7 @@ from regionpose.cameras import (
     UnifiedCamera,
 )
 from regionpose.geometry.pose import Pose
-
-Array = NDArray[np.float64]
+from regionpose.validation.arrays import Array
 
 BODY_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Axes of ROS (REP 103): body x forward, y left, z up; optical x right, y down, z forward."""

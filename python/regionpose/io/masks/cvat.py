@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose.io.masks.mask_items import (
-    Array,
     Drawn,
     Mask,
     MaskItem,
@@ -28,6 +27,7 @@ from regionpose.io.masks.mask_items import (
     turned,
 )
 from regionpose.io.reading import read_xml, whole_number
+from regionpose.validation.arrays import Array
 
 OTHER_SHAPES = {"polyline", "points", "ellipse", "cuboid", "skeleton"}
 """Shapes that are no region, or none with straight edges."""

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose.io.masks.mask_items import (
-    Array,
     Drawn,
     Mask,
     MaskItem,
@@ -24,6 +23,7 @@ from regionpose.io.masks.mask_items import (
     refused_item,
     turned,
 )
+from regionpose.validation.arrays import Array
 
 Entry = dict[str, Any]
 

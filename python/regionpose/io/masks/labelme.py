@@ -15,7 +15,6 @@ import shapely
 
 from regionpose.io.masks.mask_items import (
     CORNER_TO_CENTER,
-    Array,
     Drawn,
     Mask,
     MaskItem,
@@ -28,6 +27,7 @@ from regionpose.io.masks.mask_items import (
     polygon_mask,
 )
 from regionpose.io.reading import read_pixels
+from regionpose.validation.arrays import Array
 
 HOLE = "__hole__"
 """The label of shapes that are cut out of others."""

@@ -19,8 +19,7 @@ from skimage.draw import polygon2mask
 
 from regionpose.cameras.base import MOST_SIDE
 from regionpose.io.reading import unfolding_error
-
-Array = NDArray[np.float64]
+from regionpose.validation.arrays import Array
 
 Mask = NDArray[np.bool_]
 

@@ -20,8 +20,6 @@ from regionpose.regions.image import ImageRegion
 from regionpose.validation.arrays import sample_bits
 from regionpose.validation.foreign import as_array
 
-Array = NDArray[np.float64]
-
 Mask = NDArray[np.bool_]
 
 MOST_SHOWN = 12
