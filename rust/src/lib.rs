@@ -77,6 +77,7 @@ pub use prior::{InitialDeviation, PlaceDeviation, PoseSigma, Prior, UpDeviation}
 pub use problem::Problem;
 pub use region::samples::Samples;
 pub use region::{ObservedRegion, Pixels, PlaneFrame, Surface, WorldRegion};
+pub use samples::label_model::NoiseLevels;
 pub use samples::posterior::Posterior;
 pub use search::Search;
 pub use verdict::confidence::{Evidence, EvidenceSource};

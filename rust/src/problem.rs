@@ -13,7 +13,8 @@ use crate::equations::whitening::Orders;
 use crate::error::{Error, Result};
 use crate::geometry::pose::{PARAMETERS, Pose, Tangent, increment_derivative};
 use crate::region::{ObservedRegion, WorldRegion};
-use crate::samples::readings::SampledRegion;
+use crate::samples::ep;
+use crate::samples::margin::SampledRegion;
 
 /// Noise of the boundary, in pixels, below which the fit is not taken at its word: the quantization of a binary mask, and
 /// the quality of calibrations.
@@ -176,7 +177,7 @@ impl Problem {
     pub fn work(&self) -> u64 {
         let regions =
             self.regions.iter().zip(self.contours.iter()).map(|(region, contour)| region.work() + contour.work());
-        (regions.sum::<usize>() + self.sampled.iter().map(SampledRegion::work).sum::<usize>()) as u64
+        (regions.sum::<usize>() + self.sampled.iter().map(ep::work).sum::<usize>()) as u64
     }
 
     /// What a search may count at most.

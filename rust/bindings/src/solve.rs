@@ -232,7 +232,7 @@ impl Estimate {
     #[getter]
     fn disturbed_share(&self) -> Option<f64> {
         if let Some(posterior) = &self.0.best.posterior {
-            return Some(posterior.wrong.iter().sum::<f64>() / posterior.wrong.len().max(1) as f64);
+            return Some(posterior.wrong_fractions.iter().sum::<f64>() / posterior.wrong_fractions.len().max(1) as f64);
         }
         let shares = self.0.best.fit.clean_shares();
         let clean = shares.iter().sum::<f64>() / shares.len().max(1) as f64;

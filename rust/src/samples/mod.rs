@@ -1,16 +1,15 @@
-//! The pose from samples of regions: how likely they are, and the mean of what they leave possible (`docs/math.md`,
-//! section 17).
+//! The pose from labeled samples of regions: expectation propagation with a label noise model, annealed (`docs/math.md`, section 17).
 
-pub mod ends;
-pub mod kinds;
-pub mod labels;
-pub mod outline;
+pub mod active_set;
+pub mod anneal;
+pub mod chain;
+pub mod em;
+pub mod ep;
+pub mod label_inference;
+pub mod label_model;
+pub mod margin;
 pub mod posterior;
-pub mod propagation;
-pub mod readings;
-pub mod ring;
-pub mod settings;
-pub mod signed_field;
-pub mod stretch;
-pub mod telling;
-pub mod trust;
+pub mod probit_site;
+pub mod quadrature;
+pub mod segment;
+pub mod signed_distance;

@@ -16,11 +16,11 @@ use crate::math::gaussian::Gaussian;
 use crate::prior::Prior;
 use crate::problem::Problem;
 use crate::region::WorldRegion;
-use crate::samples::labels::{SHARP, leading_step, log_likelihood};
-use crate::samples::posterior::{Led, Passed, Posterior, led, posteriors};
-use crate::samples::readings::SampledRegion;
-use crate::samples::signed_field::SignedField;
-use crate::samples::trust::FAR_OFF;
+use crate::samples::anneal::{CoarseFit, VisitedStates, anneal, fit_coarse};
+use crate::samples::label_model::{COARSE_SIGMA, OUTLIER_SIZE_RATIO, log_likelihood, subsample_stride};
+use crate::samples::margin::SampledRegion;
+use crate::samples::posterior::Posterior;
+use crate::samples::signed_distance::SignedDistanceField;
 
 /// Starts that are led on.
 const MOST_STARTS: usize = 24;
@@ -63,7 +63,7 @@ impl Problem {
             // A prior that samples contradict may be wrong: of poses without it, it counts as far as it is believed.
             found.extend(self.posteriors_with(starts, &Prior::default()).into_iter().map(|posterior| {
                 let penalty = self.penalty(&posterior, prior);
-                posterior.with_known(-0.5 * penalty)
+                posterior.with_log_prior(-0.5 * penalty)
             }));
         }
         self.answers(&modes(found))
@@ -83,11 +83,11 @@ impl Problem {
             let known = known + outlines_beside_samples(&guessed, pose, self.coarse_stride());
             creases.iter().fold(known, |sum, crease| sum + crease.gaussian(pose))
         };
-        let mut passed = Passed::default();
-        let mut found = self.posteriors_near(starts, &[], &others, &mut passed);
+        let mut visited = VisitedStates::default();
+        let mut found = self.posteriors_near(starts, &[], &others, &mut visited);
         if !found.iter().any(is_found) {
             let further = further_poses(self, &single_region_poses(self, &mut SingleRegionCache::default()));
-            found.extend(self.posteriors_near(&further, &[], &others, &mut passed));
+            found.extend(self.posteriors_near(&further, &[], &others, &mut visited));
         }
         let mut looked: Option<(f64, Pose)> = None;
         // A symmetric shape fits from several places, of which the starts may have missed one, and sparse samples hold some on
@@ -95,11 +95,11 @@ impl Problem {
         while let Some((log_evidence, best)) = likeliest_of(&found).filter(|(log_evidence, best)| {
             looked.is_none_or(|(last_evidence, last)| *log_evidence > last_evidence && apart(&last, best, SAME_PLACE))
         }) {
-            let (regions, step) = (self.sampled(), leading_step(self.sampled()));
-            let cost = |pose: &Pose| -log_likelihood(regions, pose, SHARP, step);
+            let (regions, step) = (self.sampled(), subsample_stride(self.sampled()));
+            let cost = |pose: &Pose| -log_likelihood(regions, pose, COARSE_SIGMA, step);
             let turned = turned_about(self, &best, cost, MAX_DEFICIT);
             let starts: Vec<Pose> = turned.into_iter().chain(beside(&best)).collect();
-            found.extend(self.posteriors_near(&starts, &found, &others, &mut passed));
+            found.extend(self.posteriors_near(&starts, &found, &others, &mut visited));
             looked = Some((log_evidence, best));
         }
         modes(found)
@@ -111,21 +111,22 @@ impl Problem {
         starts: &[Pose],
         found: &[Posterior],
         others: &impl Fn(&Pose) -> Gaussian,
-        passed: &mut Passed,
+        visited: &mut VisitedStates,
     ) -> Vec<Posterior> {
-        let (regions, step) = (self.sampled(), leading_step(self.sampled()));
+        let (regions, step) = (self.sampled(), subsample_stride(self.sampled()));
         let cost = |pose: &Pose| -log_likelihood(regions, pose, ROUGH, step) - others(pose).offset;
         let scored = starts.iter().map(|pose| (cost(pose), *pose)).collect();
         let starts = distinct(scored, MOST_STARTS, CONVERGENCE_RADIUS, |pose| pose);
         let least = starts.first().map_or(0.0, |(cost, _)| *cost);
         let starts = starts.into_iter().take_while(|(cost, _)| *cost - least <= 2.0 * MAX_DEFICIT);
         let leading = starts.take_while(|_| !effort::is_spent());
-        let is_new = |led: &Led| found.iter().all(|other| apart(&other.pose, &led.pose, SAME_PLACE));
-        let all: Vec<Led> = leading.filter_map(|(_, start)| led(regions, others, &start)).filter(is_new).collect();
-        let is_same = |a: &Led, b: &Led| !apart(&a.pose, &b.pose, SAME_PLACE);
-        let is_behind = |best: &Led, other: &Led| best.log_evidence - other.log_evidence > MAX_DEFICIT;
-        let likely = likeliest(all, is_behind, |led| led.log_evidence, is_same);
-        posteriors(regions, others, &likely, 2.0 * MAX_DEFICIT, passed)
+        let is_new = |fit: &CoarseFit| found.iter().all(|other| apart(&other.pose, &fit.pose, SAME_PLACE));
+        let all: Vec<CoarseFit> =
+            leading.filter_map(|(_, start)| fit_coarse(regions, others, &start)).filter(is_new).collect();
+        let is_same = |a: &CoarseFit, b: &CoarseFit| !apart(&a.pose, &b.pose, SAME_PLACE);
+        let is_behind = |best: &CoarseFit, other: &CoarseFit| best.log_evidence - other.log_evidence > MAX_DEFICIT;
+        let likely = likeliest(all, is_behind, |fit| fit.log_evidence, is_same);
+        anneal(regions, others, &likely, 2.0 * MAX_DEFICIT, visited)
     }
 
     /// Each answer once, the likeliest first, over all of its modes: where samples contradict a pose, which of them are wrong and which
@@ -137,7 +138,7 @@ impl Problem {
             let is_own =
                 |mode: &&Posterior| is_same(&answer, mode) && !apart(&answer.pose, &mode.pose, CONVERGENCE_RADIUS);
             let own: Vec<Posterior> = modes.iter().filter(is_own).cloned().collect();
-            answer.over_modes(&own, self.sampled())
+            answer.mixed_over(&own, self.sampled())
         };
         let answers = likeliest(modes.to_vec(), |_, _| false, Posterior::log_evidence, is_same);
         answers.into_iter().map(over_modes).collect()
@@ -148,10 +149,10 @@ impl Problem {
     pub(super) fn has_samples_on_all_edges(&self) -> bool {
         let is_edged = |world: &WorldRegion| {
             let Some(samples) = world.samples() else { return false };
-            let (outline, near) = (world.outline(), FAR_OFF * world.outline().area().sqrt());
-            let edges = SignedField::new(outline.rings(), &[], near.recip());
+            let (outline, near) = (world.outline(), OUTLIER_SIZE_RATIO * world.outline().area().sqrt());
+            let edges = SignedDistanceField::new(outline.rings(), &[], near.recip());
             let places = samples.inside().iter().chain(samples.outside()).chain(samples.enclosed());
-            places.filter(|place| edges.nearest(place).distance.abs() < near).take(PARAMETERS).count() == PARAMETERS
+            places.filter(|place| edges.at(place).distance.abs() < near).take(PARAMETERS).count() == PARAMETERS
         };
         self.sampled().len() == self.regions().len() && self.worlds().iter().all(is_edged)
     }
@@ -162,7 +163,8 @@ impl Problem {
         let tells = |region: &SampledRegion| {
             // Of a line alone, the outline shows nothing.
             let is_line = self.worlds()[region.index()].is_line();
-            is_line || answers.iter().any(|(pose, covariance, scatter)| region.tells(pose, covariance, *scatter))
+            is_line
+                || answers.iter().any(|(pose, covariance, scatter)| region.is_informative(pose, covariance, *scatter))
         };
         let telling: Vec<bool> = self.sampled().iter().map(tells).collect();
         (!answers.is_empty() && telling.contains(&false)).then(|| self.with_sampled(&telling))
@@ -189,7 +191,7 @@ impl Problem {
 /// nothing stands behind a region, so that beams that passed it have no returns. A line has no outline.
 fn is_one_sided(world: &WorldRegion) -> bool {
     let Some(samples) = world.samples().filter(|_| !world.is_line()) else { return false };
-    let (outline, near) = (world.outline(), FAR_OFF * world.outline().area().sqrt());
+    let (outline, near) = (world.outline(), OUTLIER_SIZE_RATIO * world.outline().area().sqrt());
     let places = points_along(outline.rings(), OUTLINE_POINTS);
     let beside = |side: &[Vector2<f64>]| -> Vec<bool> {
         places.iter().map(|place| side.iter().any(|sample| (sample - place).norm_squared() < near * near)).collect()
@@ -254,5 +256,5 @@ fn modes(found: Vec<Posterior>) -> Vec<Posterior> {
 
 /// Whether the samples of every region agree with a pose.
 fn is_found(posterior: &Posterior) -> bool {
-    posterior.blur < LOOSE_SIGMA && posterior.wrong.iter().all(|&wrong| wrong < FOUND)
+    posterior.noise.label < LOOSE_SIGMA && posterior.wrong_fractions.iter().all(|&wrong| wrong < FOUND)
 }

@@ -6,8 +6,8 @@ use super::nearness::{bounded, rotation_sigmas, within_limit};
 use super::outliers::contradicts;
 use crate::contour::fit::ContourFit;
 use crate::contour::members::{contradicted, log_odds};
+use crate::samples::margin::SampledRegion;
 use crate::samples::posterior::Posterior;
-use crate::samples::readings::SampledRegion;
 
 /// Weights of [`Evidence::features`] of a pose from outlines, of a logistic regression on the synthetic problems of
 /// `benchmarks/confidence.py --scenes 160`.
@@ -91,12 +91,15 @@ impl Evidence {
         unseen: &[f64],
     ) -> Self {
         let mut belong = belonging(fit);
-        for (region, &wrong) in sampled.iter().zip(&posterior.wrong) {
+        for (region, &wrong) in sampled.iter().zip(&posterior.wrong_fractions) {
             belong[region.index()] = !contradicts(wrong);
         }
         let mean = |shares: &[f64]| shares.iter().sum::<f64>() / sampled.len() as f64;
-        let source =
-            EvidenceSource::Samples { unseen: mean(unseen), wrong: mean(&posterior.wrong), growth: posterior.growth };
+        let source = EvidenceSource::Samples {
+            unseen: mean(unseen),
+            wrong: mean(&posterior.wrong_fractions),
+            growth: posterior.noise.dilation,
+        };
         Self { rotation_sigmas: rotation_sigmas(covariance), regions: count(&belong), source }
     }
 

@@ -95,7 +95,7 @@ impl Search {
         let (best, _) = hypotheses.first().ok_or(Error::NoPose)?;
         let evidence = best.evidence(problem, hypotheses.len() > 1);
         let noise = match (&best.posterior, &best.minimum) {
-            (Some(posterior), _) => posterior.blur,
+            (Some(posterior), _) => posterior.noise.label,
             (None, Some(minimum)) => problem.noise_variance(minimum.cost).sqrt(),
             (None, None) => best.fit.mixture.sigma,
         };

@@ -17,8 +17,8 @@ use crate::geometry::pose::Pose;
 use crate::math::gaussian::Gaussian;
 use crate::options::FrameSigma;
 use crate::problem::Problem;
+use crate::samples::margin::SampledRegion;
 use crate::samples::posterior::Posterior;
-use crate::samples::readings::SampledRegion;
 use crate::search::poses::apart;
 
 /// A pose that may be the answer.
@@ -39,8 +39,8 @@ pub(super) struct Hypothesis {
 impl Hypothesis {
     /// The answer of its samples about the problem's origin, its covariance and how far contours are blurred and grown, pixels.
     pub(super) fn answer(&self) -> Option<(Pose, Matrix6<f64>, f64)> {
-        let Posterior { pose, covariance, blur, growth, .. } = self.posterior.as_ref()?;
-        Some((*pose, *covariance, blur.hypot(*growth)))
+        let Posterior { pose, covariance, noise, .. } = self.posterior.as_ref()?;
+        Some((*pose, *covariance, noise.label.hypot(noise.dilation)))
     }
 
     /// A place against which nothing counts yet.
@@ -81,7 +81,7 @@ impl Hypothesis {
             return 0.0;
         }
         if let (Some(own), Some(posterior)) = (&self.posterior, &other.posterior) {
-            return own.against(posterior, problem.sampled()).max(0.0);
+            return own.deviance_to(posterior, problem.sampled()).max(0.0);
         }
         let by_contours = self.fit.deviance_to(&other.fit, numbers);
         match (&self.minimum, &other.minimum) {

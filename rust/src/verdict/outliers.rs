@@ -2,8 +2,8 @@
 
 use super::solution::{POOR_OVERLAP, Solution};
 use crate::contour::members::log_odds;
+use crate::samples::label_model::UNINFORMATIVE;
 use crate::samples::posterior::Posterior;
-use crate::samples::trust::COIN;
 use crate::search::acceptance::LOOSE_SIGMA;
 
 /// Probability that the label of a sample is wrong, of a region that belongs to the pose: by far too many.
@@ -11,7 +11,7 @@ const MISLABELED: f64 = 0.1;
 
 /// Whether a share of wrong labels is likelier of a region elsewhere than of one that belongs to the pose.
 pub fn contradicts(wrong: f64) -> bool {
-    let (label, right) = (COIN / MISLABELED, COIN / (1.0 - MISLABELED));
+    let (label, right) = (UNINFORMATIVE / MISLABELED, UNINFORMATIVE / (1.0 - MISLABELED));
     wrong * label.ln() + (1.0 - wrong) * right.ln() > 0.0
 }
 
@@ -53,14 +53,16 @@ fn contour_outliers(solution: &Solution, sampled: &[usize]) -> Vec<Outlier> {
 
 /// Those whose samples lie on the wrong sides of their contours.
 fn sample_outliers(posterior: &Posterior, sampled: &[usize]) -> Vec<Outlier> {
-    let right: Vec<f64> = posterior.wrong.iter().map(|wrong| 100.0 * (1.0 - wrong)).collect();
+    let right: Vec<f64> = posterior.wrong_fractions.iter().map(|wrong| 100.0 * (1.0 - wrong)).collect();
     let others_of = |place: usize| {
-        let others =
-            right.iter().enumerate().filter(|&(other, _)| other != place && !contradicts(posterior.wrong[other]));
+        let others = right
+            .iter()
+            .enumerate()
+            .filter(|&(other, _)| other != place && !contradicts(posterior.wrong_fractions[other]));
         others.map(|(_, &right)| right).reduce(f64::min)
     };
     let outlier = |(place, &region): (usize, &usize)| {
-        let others = others_of(place).filter(|_| contradicts(posterior.wrong[place]))?;
+        let others = others_of(place).filter(|_| contradicts(posterior.wrong_fractions[place]))?;
         Some(Outlier { region, percent: right[place], others })
     };
     sampled.iter().enumerate().filter_map(outlier).collect()

@@ -8,7 +8,7 @@ use crate::contour::region_preference::RegionPreference;
 use crate::geometry::pose::Pose;
 use crate::prior::{MAX_PENALTY, Prior};
 use crate::problem::Problem;
-use crate::samples::labels::ALIKE;
+use crate::samples::posterior::EQUIVALENT_DEVIANCE;
 use crate::search::candidates::SAME_PLACE;
 use crate::search::poses::sorted;
 
@@ -75,7 +75,7 @@ pub(super) fn stated(hypotheses: Vec<Hypothesis>, prior: &Prior) -> Vec<(Hypothe
     let stated = shares.into_iter().zip(confidences).map(|(share, confidence)| [share, confidence]);
     let mut hypotheses: Vec<(Hypothesis, [f64; 2])> = hypotheses.into_iter().zip(stated).collect();
     // Those by samples that are less likely have their shares, too.
-    hypotheses.retain(|(hypothesis, _)| hypothesis.posterior.is_none() || hypothesis.deviance <= ALIKE);
+    hypotheses.retain(|(hypothesis, _)| hypothesis.posterior.is_none() || hypothesis.deviance <= EQUIVALENT_DEVIANCE);
     if !chooses(prior) {
         hypotheses.sort_by(|(_, [_, a]), (_, [_, b])| b.total_cmp(a));
     }

@@ -8,9 +8,9 @@ use regionpose::WorldRegion;
 use regionpose::internals::geometry::pose::Tangent;
 use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::internals::math::gaussian::Gaussian;
-use regionpose::internals::samples::propagation::Site;
-use regionpose::internals::samples::readings::{Edge, Sight};
-use regionpose::internals::samples::trust::Trust;
+use regionpose::internals::samples::label_model::LabelModel;
+use regionpose::internals::samples::margin::{EdgeKind, Margin};
+use regionpose::internals::samples::probit_site::LabelSite;
 
 /// Regions before the camera.
 pub fn layout(regions: usize) -> Layout {
@@ -37,12 +37,12 @@ fn sampled_region(random: &mut Random, world: &WorldRegion, gap: f64, shrunk: f6
     start.with_samples(&lifted(inside), &lifted(outside)).unwrap()
 }
 
-/// Labels that are blurred by a pixel, of which some are beside a disturbed stretch or wrong.
-pub const CLEAN: Trust = Trust { blur: 1.0, wide: 8.0, disturbed: 0.1, mislabeled: 0.02 };
+/// Labels with a sigma of one pixel, some of which are mislabeled or beside a disturbed contour.
+pub const MODEL: LabelModel = LabelModel { sigma: 1.0, outlier_sigma: 8.0, contamination: 0.1, mislabeling: 0.02 };
 
-/// A sample whose margin grows by `outwards` for each pixel that its contour or the start of its stretch is off.
-pub fn site(slope: Vector6<f64>, outwards: f64, margin: f64, trust: Trust) -> Site {
-    Site::new(&Sight { margin, slope, outwards, along: 0.0, edge: Edge::Own, stretch: 0 }, trust)
+/// A sample at the start of its segment with this margin, its gradient and its derivative by an outward offset.
+pub fn site(gradient: Vector6<f64>, outward: f64, value: f64, model: LabelModel) -> LabelSite {
+    LabelSite::new(&Margin { value, gradient, outward, along: 0.0, edge: EdgeKind::Own, segment: 0 }, model)
 }
 
 /// A normal prior of this deviation in all directions.
