@@ -9,9 +9,8 @@ photo and the lidar points on them are all that the pose needs: no point corresp
 import matplotlib.pyplot as plt
 import numpy as np
 import regionpose as rp
-from regionpose.datasets import demo as scene
 
-demo = scene.load()
+demo = rp.datasets.load_demo()
 image_regions = [rp.ImageRegion.from_mask(demo.labels == region.label) for region in demo.regions]
 world_regions = [
     rp.WorldRegion.from_scan(demo.points, region.point_indices, sensor_origin=[0, 0, 0]) for region in demo.regions

@@ -10,9 +10,8 @@ apart.
 import matplotlib.pyplot as plt
 import numpy as np
 import regionpose as rp
-from regionpose.datasets import demo as scene
 
-demo = scene.load()
+demo = rp.datasets.load_demo()
 chosen = [demo.region(name) for name in ("door", "notice-board", "chalkboard")]
 masks = [rp.segment.grow_image_region(demo.image, region.seed_pixel, coverage=True) for region in chosen]
 members = []

@@ -8,9 +8,8 @@ With the pose, the photo's colors go to the points that the camera sees. Hidden 
 import matplotlib.pyplot as plt
 import numpy as np
 import regionpose as rp
-from regionpose.datasets import demo as scene
 
-demo = scene.load()
+demo = rp.datasets.load_demo()
 image_regions = [rp.ImageRegion.from_mask(demo.labels == region.label) for region in demo.regions]
 world_regions = [
     rp.WorldRegion.from_scan(demo.points, region.point_indices, sensor_origin=[0, 0, 0]) for region in demo.regions

@@ -8,9 +8,8 @@ Which region is which
 import matplotlib.pyplot as plt
 import numpy as np
 import regionpose as rp
-from regionpose.datasets import demo as scene
 
-demo = scene.load()
+demo = rp.datasets.load_demo()
 order = np.random.default_rng(7).permutation(len(demo.regions))
 image_regions = [rp.ImageRegion.from_mask(demo.labels == region.label) for region in demo.regions]
 world_regions = [rp.WorldRegion.from_polygon(demo.regions[k].rings) for k in order]

@@ -8,9 +8,8 @@ With three regions or more, one that does not belong is found, named and left ou
 import matplotlib.pyplot as plt
 import numpy as np
 import regionpose as rp
-from regionpose.datasets import demo as scene
 
-demo = scene.load()
+demo = rp.datasets.load_demo()
 names = [region.name for region in demo.regions]
 image_regions = [rp.ImageRegion.from_mask(demo.labels == region.label) for region in demo.regions]
 outlines = [[np.array(ring) for ring in region.rings] for region in demo.regions]

@@ -8,9 +8,8 @@ How a pose comes out of regions, step by step, on the demo.
 import matplotlib.pyplot as plt
 import numpy as np
 import regionpose as rp
-from regionpose.datasets import demo as scene
 
-demo = scene.load()
+demo = rp.datasets.load_demo()
 image_regions = [rp.ImageRegion.from_mask(demo.labels == region.label) for region in demo.regions]
 world_regions = [rp.WorldRegion.from_polygon(region.rings) for region in demo.regions]
 estimate = rp.estimate_pose(demo.camera, image_regions, world_regions)

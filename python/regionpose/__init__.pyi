@@ -2,6 +2,7 @@
 
 from . import alignment as alignment
 from . import cameras as cameras
+from . import datasets as datasets
 from . import fusion as fusion
 from . import io as io
 from . import kernels as kernels

@@ -41,11 +41,11 @@ def demo(
       regionpose demo --out demo --from masks --force
       regionpose demo --json --quiet | jq .truth_errors
     """
-    from regionpose.datasets.demo import folder
+    from regionpose.datasets.demo import demo_folder
     from regionpose.scene.bundle import read_truth
     from regionpose.scene.loading import load_scene
 
-    files = folder()
+    files = demo_folder()
     truth = read_truth(files / "truth.json")
     scene = load_scene(files / SCENES[source])
     run_scene(scene, out, force=force, as_json=as_json, quiet=quiet, truth=truth)

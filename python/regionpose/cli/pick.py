@@ -100,9 +100,9 @@ def _session(
     if given and scene.exists():
         raise FileExistsError(f"{scene}: the file exists; needed no {given[0]} to open it, or the name of a new one")
     if demo:
-        from regionpose.datasets.demo import folder
+        from regionpose.datasets.demo import demo_folder
 
-        held = folder()
+        held = demo_folder()
         return Session.create(
             scene,
             image=held / "image.jpg",

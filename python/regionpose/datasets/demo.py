@@ -31,9 +31,20 @@ CLOUD_POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", 
 class DemoRegion:
     """A planar region of the scene, known in the image and in the lidar's frame.
 
-    `rings`: (n, 3) each, meters, lidar frame, counter-clockwise seen from the front. `label`: its value in
-    `DemoScene.labels`. `seed_pixel`: (x, y) inside it. `seed_point` (3,): a cloud point on it. `point_indices`: all
-    cloud points on it.
+    Parameters
+    ----------
+    name : str
+        Of the region.
+    label : int
+        Its value in `DemoScene.labels`.
+    rings : tuple of (n, 3) arrays
+        Meters, lidar frame, counter-clockwise as seen from the front.
+    seed_pixel : tuple of 2 int
+        A pixel (x, y) inside it.
+    seed_point : (3,) array
+        A point of the cloud on it.
+    point_indices : (k,) array
+        All points of the cloud on it.
     """
 
     name: str
@@ -48,9 +59,28 @@ class DemoRegion:
 class DemoScene:
     """A courtyard seen by a camera and by a lidar.
 
-    `image` (h, w, 3) uint8 sRGB; `labels` (h, w) uint8, 0 outside the regions, exact at pixel centers; `points` (n, 3)
-    meters, lidar frame, 1 cm range noise; `intensities` (n,) uint8. The truth is `x_camera = rotation @ x_lidar +
-    translation`, rotation (3, 3), translation (3,) meters.
+    The truth is `x_camera = rotation @ x_lidar + translation`.
+
+    Parameters
+    ----------
+    image : (h, w, 3) array of uint8
+        sRGB.
+    camera : PinholeCamera
+        Of the image.
+    camera_path : Path
+        Its calibration file.
+    points : (n, 3) array
+        Meters, lidar frame, with 1 cm of range noise.
+    intensities : (n,) array of uint8
+        Of the points.
+    labels : (h, w) array of uint8
+        The regions' labels, exact at pixel centers, 0 outside.
+    regions : tuple of DemoRegion
+        Seen in both.
+    rotation : (3, 3) array
+        Of the true pose.
+    translation : (3,) array
+        Of the true pose, meters.
     """
 
     image: NDArray[np.uint8]
@@ -72,14 +102,20 @@ class DemoScene:
         raise ValueError(f"the demo scene has no region {name!r}; it has {names}")
 
 
-def folder() -> Path:
+def demo_folder() -> Path:
     """The folder of the shipped files, for tools that take paths."""
     return Path(str(resources.files("regionpose.datasets") / "files"))
 
 
-def load(path: Path | None = None) -> DemoScene:
-    """The shipped scene, or one that the generator wrote to the folder `path`."""
-    held = folder() if path is None else path
+def load_demo(path: Path | None = None) -> DemoScene:
+    """The shipped scene, or one that the generator wrote.
+
+    Parameters
+    ----------
+    path : Path, optional
+        The generator's folder.
+    """
+    held = demo_folder() if path is None else path
     cloud = read_cloud(held / CLOUD_FILE)
     truth = json.loads((held / TRUTH_FILE).read_text(encoding="utf-8"))
     camera = load_camera(held / CAMERA_FILE)

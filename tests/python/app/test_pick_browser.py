@@ -19,7 +19,7 @@ from made_up_worlds import made_world
 from PIL import Image
 from regionpose.app.guard import MOST_BYTES
 from regionpose.app.range_view import RangeView
-from regionpose.datasets.demo import folder
+from regionpose.datasets.demo import demo_folder
 from regionpose.io.clouds import Cloud, read_cloud, write_ply
 from regionpose.io.yaml_text import plain_value, yaml_node
 from regionpose.scene.bundle import read_truth, truth_errors
@@ -64,7 +64,7 @@ def started(words: list[str], place: Path) -> Iterator[str]:
 @pytest.fixture
 def unasked(tmp_path: Path) -> Iterator[str]:
     """The address of a page on the demo's files, of which nobody has said where the scanner stood."""
-    files = folder()
+    files = demo_folder()
     paths = {"--image": "image.jpg", "--camera": "camera_info.yaml", "--cloud": "cloud.ply"}
     yield from started([word for key, name in paths.items() for word in (key, str(files / name))], tmp_path)
 
@@ -74,7 +74,7 @@ class Hand:
 
     def __init__(self, page: Any) -> None:
         self.page, self.clicks = page, 0
-        cloud = read_cloud(folder() / "cloud.ply")
+        cloud = read_cloud(demo_folder() / "cloud.ply")
         self.range = RangeView.of(cloud, np.zeros(3))
 
     def photo(self, pixel: tuple[float, float]) -> None:
@@ -204,7 +204,7 @@ def estimated(folder_of_scene: Path) -> np.ndarray[Any, np.dtype[np.float64]]:
     matrix = np.array(result["camera_from_world"]["matrix"])
     from regionpose import Pose
 
-    assert truth_errors(Pose.from_matrix(matrix), read_truth(folder() / "truth.json"))["rotation_deg"] < 1.0
+    assert truth_errors(Pose.from_matrix(matrix), read_truth(demo_folder() / "truth.json"))["rotation_deg"] < 1.0
     return matrix
 
 
@@ -255,7 +255,7 @@ def test_points_are_cut_out_by_a_stroke_or_by_corners(
     hand.wait("document.querySelectorAll('.rp-row')[1].innerText.includes('cut out')")
     hand.shot("10-cut-out")
     points = np.load(tmp_path / str(saved_region(hand, tmp_path)["world"]["points"]))
-    pixels = hand.range.pixels(read_cloud(folder() / "cloud.ply").local_points[points])
+    pixels = hand.range.pixels(read_cloud(demo_folder() / "cloud.ply").local_points[points])
     assert len(points) > 20
     assert (np.abs(pixels - [x, y]) < 11.0).all()
     assert odd == []

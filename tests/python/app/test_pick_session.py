@@ -14,7 +14,7 @@ from regionpose.app.outcome import Outcome
 from regionpose.app.scanner import proposed_scanner
 from regionpose.app.session import Session
 from regionpose.app.texts import outcome_html
-from regionpose.datasets.demo import folder
+from regionpose.datasets.demo import demo_folder
 from regionpose.io.clouds import Cloud, read_cloud
 from regionpose.scene.bundle import read_truth, truth_errors
 from regionpose.scene.estimate import SceneEstimate, estimate_scene
@@ -36,7 +36,7 @@ def test_three_clicks_a_side_give_the_demo_s_pose_and_the_saved_file_the_same(se
         click_sign(session, place)
     assert [picked.is_paired for picked in session.regions] == [True, True, True]
     run = session.estimate()
-    errors = truth_errors(run.estimate.pose, read_truth(folder() / "truth.json"))
+    errors = truth_errors(run.estimate.pose, read_truth(demo_folder() / "truth.json"))
     assert errors["rotation_deg"] < 0.3
     assert errors["camera_center_m"] < 0.05
     check_measure(run, outcome_html(Outcome.of(run, session.keys_of(run.sides.names))))
@@ -268,7 +268,7 @@ def test_regions_of_one_side_are_matched_as_they_are_picked(session: Session) ->
         assert settled(desk, "ready"), desk.outcome
         run = desk.outcome.run
         assert run is not None
-        assert truth_errors(run.estimate.pose, read_truth(folder() / "truth.json"))["rotation_deg"] < 0.3
+        assert truth_errors(run.estimate.pose, read_truth(demo_folder() / "truth.json"))["rotation_deg"] < 0.3
         assert sorted(desk.outcome.fits) == [picked.key for picked in session.regions[:3]]
         for picked in session.regions[3:]:
             desk.edit(partial(Session.remove, key=picked.key))
@@ -375,7 +375,7 @@ def test_the_desk_looks_from_the_scanner_s_place(unasked: Session) -> None:
 
 
 def test_only_a_single_scan_around_zero_proposes_a_place() -> None:
-    cloud = read_cloud(folder() / "cloud.ply")
+    cloud = read_cloud(demo_folder() / "cloud.ply")
     points = cloud.local_points
     assert proposed_scanner(cloud) is not None
     assert proposed_scanner(Cloud(points - [2.0, 1.0, 0.3])) is None

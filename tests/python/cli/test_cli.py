@@ -13,7 +13,7 @@ from commands import run
 from PIL import Image
 from regionpose import Pose, __version__
 from regionpose.cli import main
-from regionpose.datasets.demo import folder as demo_folder
+from regionpose.datasets.demo import demo_folder
 from regionpose.io.calibrations import load_camera
 from regionpose.io.calibrations.poses import read_pose
 from regionpose.io.clouds import read_cloud
@@ -186,11 +186,11 @@ def test_the_demo_finds_its_pose_and_writes_all_files(demo_out: Path) -> None:
 
 
 def test_the_demos_scene_files_hold_its_seeds() -> None:
-    from regionpose.datasets.demo import load
+    from regionpose.datasets.demo import load_demo
     from regionpose.scene.loading import load_scene
 
     seeds, masks = (load_scene(demo_folder() / name).model for name in ("scene.yaml", "scene_masks.yaml"))
-    for region, by_seed, by_mask in zip(load().regions, seeds.regions, masks.regions, strict=True):
+    for region, by_seed, by_mask in zip(load_demo().regions, seeds.regions, masks.regions, strict=True):
         assert by_seed.name == by_mask.name == region.name
         assert by_seed.image.model_dump()["seed"] == list(region.seed_pixel)
         assert by_seed.world.model_dump()["seed"] == pytest.approx(region.seed_point, abs=1e-3)
@@ -309,9 +309,9 @@ def test_segment_never_replaces_single_files(tmp_path: Path, capsys: pytest.Capt
 
 
 def test_segment_grows_a_plane_in_a_cloud(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from regionpose.datasets.demo import load
+    from regionpose.datasets.demo import load_demo
 
-    demo = load()
+    demo = load_demo()
     region, cloud = demo.region("chalkboard"), demo_folder() / "cloud.ply"
     seed = ",".join(str(value) for value in region.seed_point)
     code, said, _ = run(capsys, "segment", cloud, "--seed", seed, "--out", tmp_path / "a.npy", "--json", "--quiet")

@@ -18,7 +18,7 @@ import pytest
 import regionpose as rp
 from numpy.typing import NDArray
 from public_names import PUBLIC
-from regionpose.datasets.demo import folder, load
+from regionpose.datasets.demo import demo_folder, load_demo
 from regionpose.scene.estimate import estimate_scene
 from regionpose.scene.loading import load_scene
 from rig_frames import fisheye_frames
@@ -40,6 +40,8 @@ UNMADE = {
     "CloudError": "an error, which Python's own pickles",
     "FileError": "an error, which Python's own pickles",
     "SceneError": "an error, which Python's own pickles",
+    "DemoRegion": "of load_demo",
+    "DemoScene": "of load_demo",
     "PredictorSegmenter": "holds the object of another library",
 }
 """Public classes without an object below, and why."""
@@ -50,7 +52,7 @@ CLASSES = {held for held in PUBLIC.values() if inspect.isclass(held)}
 @cache
 def public_objects() -> dict[str, list[Any]]:
     """Objects of all public classes, by the class's name: what estimates take and give, and what a few calls give."""
-    demo, (camera, frames) = load(), fisheye_frames(0, 2)
+    demo, (camera, frames) = load_demo(), fisheye_frames(0, 2)
     pose = rp.Pose(Rotation.from_matrix(demo.rotation), demo.translation)
     few = np.ascontiguousarray(demo.points[::20])
     polygons = [rp.WorldRegion.from_polygon(region.rings) for region in demo.regions[:2]]
@@ -73,7 +75,7 @@ def public_objects() -> dict[str, list[Any]]:
         rp.scene.ConfirmedRegions(
             (rp.scene.ConfirmedRegion("plane 1", outlines[0], polygons[0], members, 3.0, 0.5),), 2, 3.0
         ),
-        rp.read_cloud(folder() / "cloud.ply"),
+        rp.read_cloud(demo_folder() / "cloud.ply"),
         rp.fusion.PosedImage(np.zeros((4, 6), dtype=np.uint8), demo.camera, pose),
         rp.SceneFrame(demo.image, few, demo.camera),
         rp.Prior(camera_near=pose.camera_center, camera_near_sigma_m=0.5),
@@ -163,7 +165,7 @@ def test_fields_of_a_copied_cloud_can_t_be_changed() -> None:
 
 @pytest.mark.parametrize("way", COPIES)
 def test_sampled_regions_give_the_same_answer_after_copying(way: str) -> None:
-    demo = load()
+    demo = load_demo()
     pose = rp.Pose(Rotation.from_matrix(demo.rotation), demo.translation)
     worlds = [
         rp.WorldRegion.from_scan(demo.points, region.point_indices, sensor_origin=np.zeros(3))

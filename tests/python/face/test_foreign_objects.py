@@ -199,3 +199,9 @@ def test_one_point_is_projected_like_many() -> None:
     camera = rp.PinholeCamera(300, 300, 30, 20)
     assert camera.project([0.1, 0.2, 1.0]).tolist() == camera.project([[0.1, 0.2, 1.0]])[0].tolist()
     assert camera.bearings([12.0, 7.0]).shape == (3,)
+
+
+def test_a_cloud_is_taken_where_points_are() -> None:
+    cloud = rp.Cloud.from_points([[5e5, 5.0, 1.0], [5e5 + 1.0, 5.0, 1.0]])
+    assert cloud.origin.any() and np.asarray(cloud).tolist() == cloud.points.tolist()
+    assert rp.Pose.identity().transform(cloud).tolist() == cloud.points.tolist()

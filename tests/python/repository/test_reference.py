@@ -8,6 +8,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import regionpose as rp
 import typer
 from regionpose.cli.app import app
 from regionpose.io.exports import FORMATS
@@ -83,9 +84,9 @@ def test_the_readme_is_short() -> None:
 
 def test_keys_of_a_result_are_described(tmp_path: Path) -> None:
     from regionpose.cli import main
-    from regionpose.datasets import demo as scene
 
-    assert main(["estimate", str(scene.folder() / "scene_masks.yaml"), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    scene = rp.datasets.demo_folder() / "scene_masks.yaml"
+    assert main(["estimate", str(scene), "--out", str(tmp_path / "out"), "--quiet"]) == 0
     keys = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
     text = (REFERENCE / "result.md").read_text(encoding="utf-8")
     assert [key for key in keys if f"`{key}`" not in text] == []

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.datasets.demo import DemoRegion, DemoScene, folder, load
+from regionpose.datasets.demo import DemoRegion, DemoScene, demo_folder, load_demo
 from scipy.ndimage import distance_transform_edt
 
 from tools.demo_scene import courtyard, generate, rendering
@@ -36,7 +36,7 @@ FLOAT32_STEP = 2e-6
 
 @pytest.fixture(scope="module")
 def scene() -> DemoScene:
-    return load()
+    return load_demo()
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def test_the_scene_has_the_promised_sizes(scene: DemoScene) -> None:
     assert scene.labels.shape == (960, 1280)
     assert scene.image.dtype == scene.labels.dtype == scene.intensities.dtype == np.uint8
     assert 80_000 <= len(scene.points) == len(scene.intensities) <= 150_000
-    assert sum(file.stat().st_size for file in folder().iterdir()) <= 2_500_000
+    assert sum(file.stat().st_size for file in demo_folder().iterdir()) <= 2_500_000
     assert set(np.unique(scene.labels)) == {0, *(region.label for region in scene.regions)}
 
 
@@ -174,7 +174,7 @@ def test_the_generator_makes_the_shipped_truth_and_camera(scene: DemoScene) -> N
     rotation, translation = generate.camera_from_lidar()
     assert np.allclose(scene.rotation, rotation, rtol=0.0, atol=SAME)
     assert np.allclose(scene.translation, translation, rtol=0.0, atol=SAME)
-    assert (folder() / "camera_info.yaml").read_text(encoding="utf-8") == generate.camera_info()
+    assert (demo_folder() / "camera_info.yaml").read_text(encoding="utf-8") == generate.camera_info()
     pixels = rendering.pixel_grid(1280, 960)[::997]
     assert np.allclose(scene.camera.bearings(pixels), generate.demo_camera().bearings(pixels), atol=SAME)
 

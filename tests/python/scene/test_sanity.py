@@ -14,7 +14,7 @@ import regionpose as rp
 from PIL import Image
 from regionpose.cameras import Camera, FisheyeCamera, PinholeCamera
 from regionpose.cli.app import main
-from regionpose.datasets import demo as demo_scene
+from regionpose.datasets.demo import demo_folder
 from regionpose.io.yaml_text import plain_value, to_yaml, yaml_node
 from regionpose.scene.document import SceneError
 from regionpose.scene.estimate import estimate_scene
@@ -23,7 +23,7 @@ from regionpose.scene.input_checks import check_camera, unit_remark
 from regionpose.scene.loading import load_scene
 from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH, scene_values, write_scene
 
-DEMO = Path(demo_scene.__file__).parent / "files"
+DEMO = demo_folder()
 SHARED = Path(__file__).parents[4] / "shared" / "data"
 
 

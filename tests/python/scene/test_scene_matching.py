@@ -11,7 +11,7 @@ import pytest
 from commands import run as run_command
 from PIL import Image, ImageDraw
 from regionpose import PoseError, match_regions
-from regionpose.datasets.demo import folder as demo_folder
+from regionpose.datasets.demo import demo_folder
 from regionpose.io.yaml_text import plain_value, to_yaml, yaml_node
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion

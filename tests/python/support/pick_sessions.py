@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TypedDict
 
 from regionpose.app.session import Session
-from regionpose.datasets.demo import folder
+from regionpose.datasets.demo import demo_folder
 
 
 class DemoFiles(TypedDict):
@@ -42,7 +42,7 @@ def click_sign(session: Session, place: list[float]) -> None:
 
 def demo_files() -> DemoFiles:
     """The photo, its camera and the cloud."""
-    files = folder()
+    files = demo_folder()
     return {"image": files / "image.jpg", "camera": files / "camera_info.yaml", "cloud": files / "cloud.ply"}
 
 

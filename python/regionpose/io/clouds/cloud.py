@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from regionpose.io.clouds.errors import cloud_error
 from regionpose.validation.arrays import Array, KeptArrays
@@ -288,6 +288,11 @@ class Cloud(KeptArrays):
         world = self.local_points + self.origin
         world.setflags(write=False)
         return world
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        """The points (n, 3) in world coordinates, so that a cloud is taken where points are."""
+        points = self.points if dtype is None else self.points.astype(dtype, copy=False)
+        return points.copy() if copy else points
 
     def __len__(self) -> int:
         """The number of points."""

@@ -1,0 +1,41 @@
+"""The scripts in `examples/scripts`: each runs, is short, and uses public names alone."""
+
+from __future__ import annotations
+
+import ast
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from public_names import PUBLIC
+
+SCRIPTS = sorted((Path(__file__).resolve().parents[3] / "examples" / "scripts").glob("*.py"))
+
+MOST_LINES = 20
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
+def test_a_script_runs(script: Path, tmp_path: Path) -> None:
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    run = subprocess.run([sys.executable, str(script)], cwd=tmp_path, env=paths, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
+def test_a_script_is_short_and_uses_public_names(script: Path) -> None:
+    text = script.read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= MOST_LINES
+    used = {ast.unparse(node).removeprefix("rp.") for node in ast.walk(ast.parse(text)) if is_public_use(node)}
+    assert used and all(is_public(name) for name in used)
+
+
+def is_public_use(node: ast.AST) -> bool:
+    """Whether a node is a dotted name of the package."""
+    return isinstance(node, ast.Attribute) and ast.unparse(node).startswith("rp.") and "(" not in ast.unparse(node)
+
+
+def is_public(name: str) -> bool:
+    """Whether a dotted name is public, a module of public names, or an attribute of a public object."""
+    return any(name == each or each.startswith(f"{name}.") or name.startswith(f"{each}.") for each in PUBLIC)
