@@ -70,7 +70,7 @@ def clicked(folder: Path, out: Path, pixel: Array, near: bool) -> SceneEstimate:
     scene |= {"cloud": str(cloud_file(folder)), "sensor_origin": [0.0, 0.0, 0.0]}
     world = world_item(board, folder, "clicks", cloud_of(folder))
     image = {"seed": [float(value) for value in pixel]}
-    scene["regions"] = [{"name": "board", "image": image, "world": {**(world or {}), "seen_from": [0.0, 0.0, 0.0]}}]
+    scene["regions"] = [{"name": "board", "image": image, "world": {**(world or {}), "viewpoint": [0.0, 0.0, 0.0]}}]
     scene["prior"] = {"up": [0.0, 0.0, 1.0]} | ({} if near else {"camera_near": None})
     path = out / f"{folder.name}.yaml"
     path.write_text(to_yaml(scene), encoding="utf-8")

@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from regionpose.app.known import Known
+from regionpose.app.prior_settings import PriorSettings
 from regionpose.app.range_view import PIXELS_PER_SPACING, RangeView
 from regionpose.app.session import Session
 from regionpose.geometry.pose import Pose
@@ -49,7 +49,7 @@ MOST_CLICKS = 20
 OWN_PX, HIDDEN_PX = 1.0, 2.0
 """Pixels to which a drawn outline follows a face's own edges, which a loupe shows, and a hand's drag the others."""
 
-UPRIGHT = Known(up=(0.0, 0.0, 1.0), up_sigma_deg=UP_SIGMA_DEG)
+UPRIGHT = PriorSettings(up=(0.0, 0.0, 1.0), up_sigma_deg=UP_SIGMA_DEG)
 """What the user knows of a car's camera, in the frame of its scanner."""
 
 HALFWAY_PX = 0.5 * PIXELS_PER_SPACING
@@ -175,7 +175,7 @@ def by_edges(user: User, truth: Pose) -> Row:
     row = row_of(user, session.estimate_edges(session.edge_values()), truth)
     if row.level == TRUSTED:
         return row
-    session.set_known(UPRIGHT)
+    session.set_prior_settings(UPRIGHT)
     user.clicks += 1
     return row_of(user, session.estimate_edges(session.edge_values()), truth)
 

@@ -25,8 +25,8 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
-from regionpose.app.desk import Desk
 from regionpose.app.session import Session
+from regionpose.app.shared_session import SharedSession
 from regionpose.io.yaml_text import to_yaml
 from regionpose.scene.bundle import bundle
 from regionpose.scene.estimate import estimate_scene
@@ -165,18 +165,20 @@ class Loaded:
         intensity = np.where(within, 0.2, 0.8)
         return lambda: rp.calibrate([rp.SceneFrame(picture, points, self.camera, images, intensity, worlds)])
 
-    def desk(self) -> Desk:
+    def shared(self) -> SharedSession:
         """The picking page's pictures of photo and cloud, once their files are read."""
         given = self.inputs
         path = given.scene.with_name("picked.yaml")
         # Without the estimate, which would begin beside what is measured.
         solver = {"edges": False}
-        return Desk(Session.create(path, image=given.image, camera=given.camera, cloud=given.cloud, solver=solver))
+        return SharedSession(
+            Session.create(path, image=given.image, camera=given.camera, cloud=given.cloud, solver=solver)
+        )
 
     def solid_click(self) -> Callable[[], object]:
         """What finds the point that the first click in the picking page's 3D view meets."""
-        desk = self.desk()
-        return partial(desk.point_on_ray, CENTER - desk.middle, self.seed - CENTER)
+        shared = self.shared()
+        return partial(shared.point_on_ray, CENTER - shared.middle, self.seed - CENTER)
 
     def run(self) -> None:
         """Estimate the scene and write all its files."""
@@ -225,7 +227,7 @@ def stages(inputs: Inputs, megapixels: float) -> dict[str, Callable[[], Callable
         "colorize": on_both(lambda points, picture: rp.colorize(points, picture, camera, pose)),
         "overlay_depth": on_both(lambda points, picture: rp.overlay_depth(picture, camera, pose, points)),
         "calibration": held.calibration,
-        "pick: the first pictures": lambda: held.desk,
+        "pick: the first pictures": lambda: held.shared,
         "pick: the first click in 3D": held.solid_click,
         "write_ply": lambda: partial(rp.io.write_ply, inputs.cloud.with_name("written.ply"), held.cloud()),
         "regionpose estimate, all files": lambda: held.run,

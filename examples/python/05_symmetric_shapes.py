@@ -46,7 +46,7 @@ plt.show()
 # Somebody knows which way is up, to 15 degrees, and on which side of the wall the camera stood.
 
 up = rp.Prior(up=[0, 0, 1])
-seen = world_region.seen_from([0.4, -3.0, 1.5])
+seen = world_region.with_viewpoint([0.4, -3.0, 1.5])
 settled = rp.estimate_pose(camera, [image_region], [seen], prior=up)
 print(settled)
 print("camera at", np.round(settled.pose.camera_center, 3), "true", np.round(camera_from_world.camera_center, 3))

@@ -18,7 +18,7 @@ slant = [[0.3, 0, 0.2], [0.4, 0, 0.12], [0.4, 0.3, 0.12], [0.3, 0.3, 0.2]]
 faces = [np.array(face, dtype=float) for face in (front, side, top, slant)]
 # Each face is seen from outside of the block only.
 outside = [0.8, -0.8, 0.8]
-world_regions = [rp.WorldRegion.from_polygon(face).seen_from(outside) for face in faces]
+world_regions = [rp.WorldRegion.from_polygon(face).with_viewpoint(outside) for face in faces]
 
 camera = rp.PinholeCamera(1000, 1000, 400, 300, width=800, height=600)
 eye, target = np.array([0.75, -0.7, 0.6]), np.array([0.2, 0.15, 0.1])

@@ -44,7 +44,7 @@ def part(progress: Progress | None, start: float, end: float) -> Progress | None
     return lambda share: progress((1.0 - share) * start + share * end)
 
 
-def told_each(items: Sequence[Item], progress: Progress | None) -> Iterator[tuple[Item, Progress | None]]:
+def with_progress(items: Sequence[Item], progress: Progress | None) -> Iterator[tuple[Item, Progress | None]]:
     """Items that take about as long, in turn, each with its part of the progress, which is told when it is done."""
     for index, item in enumerate(items):
         own = part(progress, index / len(items), (index + 1) / len(items))

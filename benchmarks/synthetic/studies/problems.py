@@ -111,7 +111,7 @@ def draw_problem(setup: Setup, condition: Condition, seed: int) -> StudyProblem:
         images = [given_region(seen, i, given[i], condition, shown, b) for i, b in zip(worlds, boxes, strict=True)]
     if "side" in condition.prior:
         viewpoint = Pose.from_parts(scene.rotation, scene.translation).camera_center
-        worlds = {index: world.seen_from(viewpoint) for index, world in worlds.items()}
+        worlds = {index: world.with_viewpoint(viewpoint) for index, world in worlds.items()}
     return StudyProblem(
         scene,
         given_camera(setup.camera, condition, rng),

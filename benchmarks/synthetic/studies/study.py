@@ -11,7 +11,7 @@ from time import perf_counter
 from typing import Any, Literal
 
 from regionpose import _core
-from regionpose.regions.outline import SparseSamplingWarning, sparse_sampling_told_to
+from regionpose.regions.outline import SparseSamplingWarning, sparse_sampling_handler
 from regionpose.solve.options import EXACT_EXPOSURE, Solver
 from regionpose.solve.prior import Prior
 from regionpose.solve.single import estimate_pose
@@ -139,7 +139,7 @@ class Study:
         try:
             started = perf_counter()
             said: list[str] = []
-            with sparse_sampling_told_to(said.append):
+            with sparse_sampling_handler(said.append):
                 problem = self.problem(self.setups[condition.camera], condition, seed)
             prepared = perf_counter()
             prior, solver = estimate_options(problem, condition.solver, exact_exposure=self.exact_exposure)

@@ -15,7 +15,7 @@ from regionpose.alignment.edge_frame import EdgeFrame
 from regionpose.alignment.hypotheses import Hypothesis, Place, answers_of, log_sum, priors_of
 from regionpose.alignment.odds import CHANCE_PRIOR, SILENT_PRIOR
 from regionpose.alignment.pose_search import Density, EdgeMode, search_about, search_prior
-from regionpose.progress import Progress, part, told_each
+from regionpose.progress import Progress, part, with_progress
 from regionpose.solve.estimate import PoseEstimate
 from regionpose.solve.options import Solver
 from regionpose.solve.prior import Prior
@@ -73,7 +73,7 @@ def explained_with_regions(
     none = max(1.0 - float(shares.sum()), 0.0)
     hypotheses = []
     pairs = list(zip(answers_of(known), shares.tolist(), strict=True))
-    for number, ((answer, share), own) in enumerate(told_each(pairs, part(progress, 0.0, ANSWERS_SEARCHED))):
+    for number, ((answer, share), own) in enumerate(with_progress(pairs, part(progress, 0.0, ANSWERS_SEARCHED))):
         if share <= 0.0:
             continue
         found = []

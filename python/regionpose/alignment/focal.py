@@ -19,7 +19,7 @@ from regionpose.alignment.odds import DECISIVE, SHARED_ERROR_PRIOR
 from regionpose.alignment.pose_search import Density, EdgeMode, log_mass
 from regionpose.cameras.matrix import MatrixCamera
 from regionpose.geometry.pose import Pose
-from regionpose.progress import Progress, part, told_each
+from regionpose.progress import Progress, part, with_progress
 from regionpose.solve.estimate import PoseEstimate
 from regionpose.solve.prior import Prior
 from regionpose.solve.warning import PoseWarning
@@ -151,7 +151,7 @@ def focal_evidence(by_focal: ByFocal, best: Hypothesis, progress: Progress | Non
     way, given = np.nan_to_num(shift), _gain(by_focal.maxima(cores, 0.0, best.pose))
 
     found: dict[float, list[EdgeMode]] = {}
-    for numbers, _ in told_each(GROUPS, part(progress, 0.0, 0.6)):
+    for numbers, _ in with_progress(GROUPS, part(progress, 0.0, 0.6)):
         # Longer focal lengths move the camera, which then sees other edges.
         middle = best.pose.retract(float(np.mean(numbers)) * STEPS[0] * way)
         there = by_focal.seen_from(middle)
@@ -159,7 +159,7 @@ def focal_evidence(by_focal: ByFocal, best: Hypothesis, progress: Progress | Non
             found[step] = by_focal.maxima(there, step, best.pose.retract(step * way), 2)
     gains: dict[float, float] = {}
     likeliest = sorted(found, key=lambda step: _gain(found[step]), reverse=True)[:CLOSER]
-    for step, _ in told_each(likeliest, part(progress, 0.6, 1.0)):
+    for step, _ in with_progress(likeliest, part(progress, 0.6, 1.0)):
         gains |= {each: gain - given for each, gain in _closer(by_focal, step, found[step]).items()}
     factor = max(gains, key=lambda step: gains[step], default=0.0)
     count = len(found) * STEPS[0] / STEPS[2]

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from regionpose import _core
 from regionpose.alignment.edge_frame import EdgeFrame
 from regionpose.geometry.pose import Pose
-from regionpose.progress import Progress, check_wanted, part, told_each
+from regionpose.progress import Progress, check_wanted, part, with_progress
 from regionpose.solve.prior import Prior
 from regionpose.validation.arrays import KeptArrays
 
@@ -75,7 +75,7 @@ def search_prior(
     of where the camera stands.
     """
     density = Density.of_prior(prior, frames[0].origin)
-    cores = [frame.core for frame, _ in told_each(frames, part(progress, 0.0, FRAMES_MADE))]
+    cores = [frame.core for frame, _ in with_progress(frames, part(progress, 0.0, FRAMES_MADE))]
     local, drawn = [start.rebase(density.origin) for start in starts], part(progress, FRAMES_MADE, MAXIMA_FOUND)
     modes = density.modes(cores, local, DRAWS, KEPT, drawn)
 

@@ -1,4 +1,4 @@
-"""The page itself: NiceGUI elements that show a desk and pass on what is done to them."""
+"""The page itself: NiceGUI elements that show a shared session and pass on what is done to them."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ import numpy as np
 from nicegui import run, ui
 from nicegui.events import KeyEventArguments
 
-from regionpose.app.desk import Desk
 from regionpose.app.elements import CloudView, PictureView, complain, say, small_button, toggle
 from regionpose.app.frames import Frames, FrameSession
-from regionpose.app.known import Known
 from regionpose.app.parts import Picked
 from regionpose.app.prior_dialog import PriorDialog, UpChoice
+from regionpose.app.prior_settings import PriorSettings
 from regionpose.app.region_list import RegionList
 from regionpose.app.scanner_dialog import ScannerDialog
 from regionpose.app.session import Session
+from regionpose.app.shared_session import SharedSession
 from regionpose.app.texts import HELP, cloud_hint, outcome_html, photo_hint
 
 REFRESH_S = 0.12
-"""Seconds between looks at whether the desk has changed: other pages and the estimate do so on their own."""
+"""Seconds between looks at whether the shared session has changed: other pages and the estimate do so on their own."""
 
 STRIP_SHARE = 0.45
 """Share of the view's height that the range image takes at least: that of a lidar is a long strip."""
@@ -40,13 +40,13 @@ CLOUD_MODES = {"click": "Click", "cut": "Cut out"}
 
 
 class Page:
-    """One open page. Its own: tool, view and what it has shown; everything else is the desk's."""
+    """One open page. Its own: tool, view and what it has shown; everything else is the shared session's."""
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, shared: SharedSession) -> None:
         """Build the page."""
-        self.desk, self.shown, self.mode, self._built_for = desk, -1, "click", desk.session
+        self.shared, self.shown, self.mode, self._built_for = shared, -1, "click", shared.session
         ui.add_css(STYLE)
-        ui.page_title(f"{desk.session.path.name} · regionpose pick")
+        ui.page_title(f"{shared.session.path.name} · regionpose pick")
         with ui.element("div").classes("rp"):
             self._bar()
             self._photo()
@@ -58,8 +58,8 @@ class Page:
 
     @property
     def session(self) -> Session:
-        """The desk's session."""
-        return self.desk.session
+        """The shared session."""
+        return self.shared.session
 
     @property
     def selected(self) -> Picked | None:
@@ -98,7 +98,7 @@ class Page:
         try:
             other = await run.io_bound(session.frames.turned_to, session.frames.index + step)
             if other is not None:
-                await run.io_bound(self.desk.turn_to, other)
+                await run.io_bound(self.shared.turn_to, other)
         except (ValueError, OSError) as error:
             complain(str(error))
         self.photo.show(busy="")
@@ -112,7 +112,7 @@ class Page:
                 self.modes = toggle(MODES, "click", self._choose_mode)
                 ui.element("div").classes("rp-grow")
                 hint = "Draw the cloud by its distance at the pose (D)"
-                self.depth = _switch("Depth", hint, self._show_depth, on=self.desk.shows_depth).mark("depth")
+                self.depth = _switch("Depth", hint, self._show_depth, on=self.shared.shows_depth).mark("depth")
                 self.outlines = _switch("Projected", "Show the outlines that the pose projects (O)", self._show_photo)
                 self.loupe = _switch("Loupe", "Show a loupe beside the pointer", self._show_photo)
             with ui.element("div").classes("rp-view"):
@@ -135,9 +135,9 @@ class Page:
             self.at.tooltip("Where the cloud is drawn: at the pose, or at the next likeliest one (R)")
 
     def _cloud(self) -> None:
-        desk = self.desk
-        reach = float(np.percentile(np.linalg.norm(desk.cloud.local_points - desk.middle, axis=1), 90))
-        up, ahead = desk.range_view.axes.up, desk.range_view.axes.ahead
+        shared = self.shared
+        reach = float(np.percentile(np.linalg.norm(shared.cloud.local_points - shared.middle, axis=1), 90))
+        up, ahead = shared.range_view.axes.up, shared.range_view.axes.ahead
         eye = -1.3 * reach * ahead + 0.9 * reach * up
         with ui.element("div").classes("rp-card"):
             with ui.element("div").classes("rp-head"):
@@ -145,10 +145,10 @@ class Page:
                 self.cloud_modes = toggle(CLOUD_MODES, "click", self._choose_cloud_mode)
                 self.tabs = toggle({"range": "Range image", "solid": "3D"}, "range", self._choose_tab)
                 ui.element("div").classes("rp-grow")
-                self.scanner = ScannerDialog(desk, self._set_scanner)
-                self.coloring = toggle(desk.colorings, desk.coloring, self._color)
+                self.scanner = ScannerDialog(shared, self._set_scanner)
+                self.coloring = toggle(shared.colorings, shared.coloring, self._color)
             with ui.element("div").classes("rp-view"):
-                self.range = PictureView(desk.range_view.size, least=STRIP_SHARE)
+                self.range = PictureView(shared.range_view.size, least=STRIP_SHARE)
                 self.range.on("pick", lambda e: self._click_range(e.args))
                 self.range.on("polygon", lambda e: self._cut(e.args))
                 self.range.on("choose", lambda e: self._select(e.args))
@@ -166,33 +166,33 @@ class Page:
                 self.new = ui.button("New region", icon="add", on_click=self._new).props("flat dense no-caps")
                 self.new.tooltip("The next click begins a new region (N)")
             with ui.element("div").classes("rp-scroll"):
-                self.rows = RegionList(self.desk, self._edit, self._choose)
+                self.rows = RegionList(self.shared, self._edit, self._choose)
 
     def _pose(self) -> None:
         with ui.element("div").classes("rp-card"):
             with ui.element("div").classes("rp-head"):
                 ui.html('<span class="rp-title">Pose</span>', sanitize=False)
                 ui.element("div").classes("rp-grow")
-                self.prior = PriorDialog(self.desk, self._set_known)
+                self.prior = PriorDialog(self.shared, self._set_prior_settings)
                 self.stage = ui.label().classes("rp-stage").mark("stage")
-                self.stop = ui.button("Stop", icon="stop", on_click=self.desk.stop).props("flat dense no-caps")
+                self.stop = ui.button("Stop", icon="stop", on_click=self.shared.stop).props("flat dense no-caps")
                 self.stop.tooltip("Wait no longer: a pose of the regions alone stays (Esc)")
-                self.again = ui.button("Estimate", icon="play_arrow", on_click=self.desk.estimate_again)
+                self.again = ui.button("Estimate", icon="play_arrow", on_click=self.shared.estimate_again)
                 self.again.props("flat dense no-caps").tooltip("Go on with what was stopped")
-            self.upright = UpChoice(self.desk, self._set_known)
+            self.upright = UpChoice(self.shared, self._set_prior_settings)
             with ui.element("div").classes("rp-scroll"):
                 self.verdict = ui.html("", sanitize=False).classes("rp-pose").mark("verdict")
 
     def _refresh(self) -> None:
         """Show what has changed since the last look."""
-        if self.desk.session is not self._built_for:
+        if self.shared.session is not self._built_for:
             ui.navigate.reload()  # Another frame: photo and cloud are of another size.
             return
-        stage = self.desk.stage
+        stage = self.shared.stage
         self.stage.set_text(stage)
         self.stop.set_visibility(bool(stage))
-        self.again.set_visibility(not stage and self.desk.outcome.state == "stopped")
-        stamp = self.desk.revision
+        self.again.set_visibility(not stage and self.shared.outcome.state == "stopped")
+        stamp = self.shared.revision
         if stamp == self.shown:
             return
         self.shown = stamp
@@ -205,16 +205,16 @@ class Page:
         self.scanner.show()
         self.prior.show()
         self.upright.show()
-        self.depth.set_value(self.desk.shows_depth)
-        self.coloring.set_options(self.desk.colorings, value=self.desk.coloring)
+        self.depth.set_value(self.shared.shows_depth)
+        self.coloring.set_options(self.shared.colorings, value=self.shared.coloring)
         self._show_photo()
         self._show_cloud()
         self._show_rows()
-        self.verdict.set_content(outcome_html(self.desk.outcome))
+        self.verdict.set_content(outcome_html(self.shared.outcome))
 
     def _show_photo(self) -> None:
-        projected = self.desk.projected_shapes()
-        self.photo.show(src="files/photo.jpg", shapes=self.desk.photo_shapes(), projected=projected, mode=self.mode)
+        projected = self.shared.projected_shapes()
+        self.photo.show(src="files/photo.jpg", shapes=self.shared.photo_shapes(), projected=projected, mode=self.mode)
         self._show_over()
         self.photo.show(show_projected=self.outlines.value, loupe=self.loupe.value)
         self.range.show(loupe=self.loupe.value)
@@ -222,17 +222,17 @@ class Page:
 
     def _show_over(self) -> None:
         """The cloud over the photo, where there is a pose."""
-        files = self.desk.depth_files
+        files = self.shared.depth_files
         at = int(self.at.value or 0) if len(files) > 1 else 0
         self.depth_tools.set_visibility(bool(files))
         self.at.set_visibility(len(files) > 1)
         self.photo.show(over=files[at] if files else "", opacity=float(self.opacity.value))
 
     def _show_cloud(self) -> None:
-        stamp = f"?{self.desk.pictured}"
-        width, height = self.desk.range_view.size
-        self.range.show(src=f"files/range.jpg{stamp}", shapes=self.desk.range_shapes(), width=width, height=height)
-        self.solid.show(colors=f"files/colors.bin{stamp}", shapes=self.desk.solid_shapes())
+        stamp = f"?{self.shared.pictured}"
+        width, height = self.shared.range_view.size
+        self.range.show(src=f"files/range.jpg{stamp}", shapes=self.shared.range_shapes(), width=width, height=height)
+        self.solid.show(colors=f"files/colors.bin{stamp}", shapes=self.shared.solid_shapes())
         self.cloud_hint.set_content(cloud_hint(self.selected, self.cloud_modes.value == "cut"))
 
     def _show_rows(self, *, anew: bool = False) -> None:
@@ -247,7 +247,7 @@ class Page:
     async def _click_range(self, args: dict[str, Any]) -> None:
         again, pixel = bool(args.get("again")), _numbers(args, "x", "y")
         await self._grow(
-            self.range, "growing the plane …", lambda s: s.click_cloud(self.desk.pixel_in_range(*pixel), again=again)
+            self.range, "growing the plane …", lambda s: s.click_cloud(self.shared.pixel_in_range(*pixel), again=again)
         )
 
     async def _click_solid(self, args: dict[str, Any]) -> None:
@@ -256,21 +256,21 @@ class Page:
         await self._grow(
             self.solid,
             "growing the plane …",
-            lambda s: s.click_cloud(self.desk.point_on_ray(origin, ahead), again=again),
+            lambda s: s.click_cloud(self.shared.point_on_ray(origin, ahead), again=again),
         )
 
     async def _set_scanner(self, place: list[float] | None) -> None:
         await self._grow(self.range, "looking from there …", lambda session: session.set_scanner(place))
 
-    async def _set_known(self, known: Known) -> bool:
-        return await self._edit(lambda session: session.set_known(known))
+    async def _set_prior_settings(self, settings: PriorSettings) -> bool:
+        return await self._edit(lambda session: session.set_prior_settings(settings))
 
     async def _drawn(self, args: dict[str, Any]) -> None:
         await self._edit(lambda session: session.draw_polygon(args["ring"], hidden=args["hidden"]))
         self.modes.set_value("click")
 
     async def _cut(self, args: dict[str, Any]) -> None:
-        await self._grow(self.range, "fitting the plane …", self.desk.cut_in_range(args["ring"]))
+        await self._grow(self.range, "fitting the plane …", self.shared.cut_in_range(args["ring"]))
         self.cloud_modes.set_value("click")
 
     async def _moved(self, args: dict[str, Any]) -> None:
@@ -289,7 +289,7 @@ class Page:
         """Do something to the session away from the page's own thread, and say what went wrong; whether nothing did."""
         is_done = True
         try:
-            await run.io_bound(self.desk.edit, action)
+            await run.io_bound(self.shared.edit, action)
         except (ValueError, TypeError, KeyError) as error:
             complain(str(error))
             is_done, self.shown = False, -1
@@ -299,7 +299,7 @@ class Page:
 
     async def _save(self) -> None:
         try:
-            written = await run.io_bound(self.desk.save)
+            written = await run.io_bound(self.shared.save)
             count = len(written or []) - 1
             masks = f" and {count} mask{'s' if count != 1 else ''}" if count else ""
             say(f"Saved {self.session.path.name}{masks}")
@@ -318,8 +318,8 @@ class Page:
         self._show_photo()
 
     async def _show_depth(self) -> None:
-        if self.depth.value != self.desk.shows_depth:
-            await run.io_bound(self.desk.show_depth, bool(self.depth.value))
+        if self.depth.value != self.shared.shows_depth:
+            await run.io_bound(self.shared.show_depth, bool(self.depth.value))
             self._refresh()
 
     def _choose_cloud_mode(self) -> None:
@@ -336,8 +336,8 @@ class Page:
         self.range.set_visibility(self.tabs.value == "range")
 
     async def _color(self) -> None:
-        if self.coloring.value != self.desk.coloring:
-            await run.io_bound(self.desk.color_by, str(self.coloring.value))
+        if self.coloring.value != self.shared.coloring:
+            await run.io_bound(self.shared.color_by, str(self.coloring.value))
             self._refresh()
 
     async def _key(self, event: KeyEventArguments) -> None:
@@ -361,7 +361,7 @@ class Page:
         elif key == "n":
             await self._new()
         elif key == "escape" and self.mode == self.cloud_modes.value == "click":
-            self.desk.stop()  # While somebody draws, it takes the corners back.
+            self.shared.stop()  # While somebody draws, it takes the corners back.
         elif self.selected is not None:
             await self._key_of_region(self.selected, key)
 

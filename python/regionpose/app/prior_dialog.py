@@ -7,13 +7,13 @@ from dataclasses import replace
 
 from nicegui import ui
 
-from regionpose.app.desk import Desk
 from regionpose.app.elements import complain, toggle
-from regionpose.app.known import AHEAD_SIGMA_DEG, NEAR_SIGMA_M, Known, Triple
+from regionpose.app.prior_settings import AHEAD_SIGMA_DEG, NEAR_SIGMA_M, PriorSettings, Triple
+from regionpose.app.shared_session import SharedSession
 from regionpose.app.texts import PRIOR_QUESTION
 from regionpose.solve.prior import MOUNT_SIGMA_M, UP_SIGMA_DEG
 
-Answered = Callable[[Known], Awaitable[bool]]
+Answered = Callable[[PriorSettings], Awaitable[bool]]
 
 NOT_KNOWN = "not known"
 
@@ -31,9 +31,9 @@ UPWARD: dict[str, Triple] = {
 class PriorDialog:
     """A button that says what is known of the pose beforehand, and the question behind it."""
 
-    def __init__(self, desk: Desk, answered: Answered) -> None:
+    def __init__(self, shared: SharedSession, answered: Answered) -> None:
         """Build the button and the dialog; `answered` is told what is known, and says whether it was taken."""
-        self._desk, self._answered = desk, answered
+        self._shared, self._answered = shared, answered
         self._button = ui.button(icon="explore", on_click=self._ask).props("flat dense no-caps size=12.5px")
         self._button.tooltip("What is known of the pose beforehand: place, direction of view, up").mark("prior")
         with ui.dialog() as self._dialog, ui.card().style("max-width:560px;padding:20px 26px"):
@@ -50,29 +50,29 @@ class PriorDialog:
 
     def show(self) -> None:
         """Say on the button what is known."""
-        text = self._desk.session.known.text
-        self._button.set_text(f"Known: {text}" if text else "Known beforehand …")
+        text = self._shared.session.prior_settings.text
+        self._button.set_text(f"PriorSettings: {text}" if text else "PriorSettings beforehand …")
         self._button.props(f"color={'blue-8' if text else 'grey-8'}")
 
     def _ask(self) -> None:
-        known, scanner = self._desk.session.known, self._desk.session.scanner
+        settings, scanner = self._shared.session.prior_settings, self._shared.session.scanner
         place = None if scanner is None else (float(scanner[0]), float(scanner[1]), float(scanner[2]))
-        usual_m = MOUNT_SIGMA_M if self._desk.session.searches_edges else NEAR_SIGMA_M
-        self._near.set(known.near or place, known.near_sigma_m or usual_m)
-        self._anywhere.set_value(known.is_anywhere)
-        self._ahead.set(known.ahead, known.ahead_sigma_deg or AHEAD_SIGMA_DEG)
-        self._up.set(known.up, known.up_sigma_deg or 15.0)
+        usual_m = MOUNT_SIGMA_M if self._shared.session.searches_edges else NEAR_SIGMA_M
+        self._near.set(settings.near or place, settings.near_sigma_m or usual_m)
+        self._anywhere.set_value(settings.is_anywhere)
+        self._ahead.set(settings.ahead, settings.ahead_sigma_deg or AHEAD_SIGMA_DEG)
+        self._up.set(settings.up, settings.up_sigma_deg or 15.0)
         self._dialog.open()
 
     async def _use(self) -> None:
-        scanner = self._desk.session.scanner
+        scanner = self._shared.session.scanner
         try:
             near, ahead, up = (vector.value for vector in (self._near, self._ahead, self._up))
         except ValueError as error:
             complain(str(error))
             return
         at_scanner = near is not None and scanner is not None and near == tuple(scanner.tolist())
-        known = Known(
+        settings = PriorSettings(
             near=None if at_scanner else near,
             near_sigma_m=self._near.sigma if near is not None else None,
             is_anywhere=bool(self._anywhere.value),
@@ -81,20 +81,20 @@ class PriorDialog:
             up=up,
             up_sigma_deg=self._up.sigma if up is not None else None,
         )
-        if await self._answered(known):  # What was refused stays to be mended.
+        if await self._answered(settings):  # What was refused stays to be mended.
             self._dialog.close()
 
     async def _forget(self) -> None:
         self._dialog.close()
-        await self._answered(Known())
+        await self._answered(PriorSettings())
 
 
 class UpChoice:
     """A row of buttons that says which direction of the cloud's frame is up, where the pose comes from edges."""
 
-    def __init__(self, desk: Desk, answered: Answered) -> None:
+    def __init__(self, shared: SharedSession, answered: Answered) -> None:
         """Build the row; `answered` as of `PriorDialog`."""
-        self._desk, self._answered = desk, answered
+        self._shared, self._answered = shared, answered
         with ui.element("div").classes("rp-up") as self._row:
             ui.label("The camera is upright; up in the cloud is")
             options = {name: name for name in (NOT_KNOWN, *UPWARD)}
@@ -105,12 +105,12 @@ class UpChoice:
     @property
     def _chosen(self) -> str | None:
         """The button of what is known; None for another direction."""
-        up = self._desk.session.known.up
+        up = self._shared.session.prior_settings.up
         return NOT_KNOWN if up is None else next((name for name, axis in UPWARD.items() if axis == up), None)
 
     def show(self) -> None:
         """Show what is known."""
-        self._row.set_visibility(self._desk.session.searches_edges)
+        self._row.set_visibility(self._shared.session.searches_edges)
         self._choice.set_value(self._chosen)
 
     async def _choose(self) -> None:
@@ -119,7 +119,7 @@ class UpChoice:
             return
         up = UPWARD.get(name)
         sigma_deg = None if up is None else UP_SIGMA_DEG
-        await self._answered(replace(self._desk.session.known, up=up, up_sigma_deg=sigma_deg))
+        await self._answered(replace(self._shared.session.prior_settings, up=up, up_sigma_deg=sigma_deg))
 
 
 class _Vector:

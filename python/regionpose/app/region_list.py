@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 from nicegui import ui
 
-from regionpose.app.desk import Desk, color_of
 from regionpose.app.elements import small_button
 from regionpose.app.parts import Picked
 from regionpose.app.session import Session
+from regionpose.app.shared_session import SharedSession, color_of
 from regionpose.app.texts import EDGES_ENOUGH, EMPTY_LIST
 from regionpose.scene.fit import Fit
 
@@ -39,16 +39,16 @@ class Row:
 class RegionList:
     """The list. Its rows are built anew only where regions change, so that a name that is being typed stays."""
 
-    def __init__(self, desk: Desk, edit: Edit, choose: Choose) -> None:
+    def __init__(self, shared: SharedSession, edit: Edit, choose: Choose) -> None:
         """Build an empty list; `edit` changes the session, `choose` takes another proposal of a region's side."""
-        self._desk, self._edit, self._choose = desk, edit, choose
+        self._shared, self._edit, self._choose = shared, edit, choose
         self._built: object = None
         self._rows: dict[int, Row] = {}
         self._box = ui.element("div")
 
     def show(self, *, anew: bool = False) -> None:
         """Show the session's regions; `anew`: also where they are those that are shown, after a refused edit."""
-        session = self._desk.session
+        session = self._shared.session
         built = [
             (picked.key, picked.name, picked.image and picked.image.chosen, picked.world and picked.world.chosen)
             for picked in session.regions
@@ -56,7 +56,7 @@ class RegionList:
         if anew or built != self._built:
             self._built = built
             self._build(session.regions)
-        fits, selected = self._desk.outcome.fits, session.sketch.selected
+        fits, selected = self._shared.outcome.fits, session.sketch.selected
         for picked in session.regions:
             fit = fits.get(picked.key) if picked.is_paired else None
             self._rows[picked.key].show(selected=picked.key == selected, fit=fit)
@@ -66,7 +66,7 @@ class RegionList:
         self._rows = {}
         with self._box:
             if not regions:
-                ui.html(EDGES_ENOUGH * self._desk.session.searches_edges + EMPTY_LIST, sanitize=False)
+                ui.html(EDGES_ENOUGH * self._shared.session.searches_edges + EMPTY_LIST, sanitize=False)
                 return
             with ui.element("div").classes("rp-row rp-rows-head"):
                 for title in ("", "Name", "Photo", "Cloud", "Fit", ""):
@@ -143,7 +143,7 @@ class RegionList:
         )
 
     def _pair_menu(self, picked: Picked) -> None:
-        regions = self._desk.session.regions
+        regions = self._shared.session.regions
         others = [o for o in regions if not o.is_paired and (o.image is None) != (picked.image is None)]
         if not others:
             return

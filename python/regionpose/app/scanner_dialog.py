@@ -6,8 +6,8 @@ from collections.abc import Awaitable, Callable
 
 from nicegui import ui
 
-from regionpose.app.desk import Desk
 from regionpose.app.elements import complain
+from regionpose.app.shared_session import SharedSession
 from regionpose.app.texts import SCANNER_QUESTION, scanner_text
 
 Answered = Callable[[list[float] | None], Awaitable[None]]
@@ -18,9 +18,9 @@ class ScannerDialog:
     before regions rest on it.
     """
 
-    def __init__(self, desk: Desk, answered: Answered) -> None:
+    def __init__(self, shared: SharedSession, answered: Answered) -> None:
         """Build the button and the dialog; `answered` is told the place, or None for scans of several places."""
-        self._desk, self._answered = desk, answered
+        self._shared, self._answered = shared, answered
         self._button = ui.button(icon="sensors", on_click=self._ask).props("flat dense no-caps size=12.5px")
         self._button.tooltip("Where the scanner stood, in the cloud's frame").mark("scanner")
         with ui.dialog() as self._dialog, ui.card().style("max-width:520px;padding:20px 26px"):
@@ -36,7 +36,7 @@ class ScannerDialog:
 
     def show(self) -> None:
         """Say on the button what is known."""
-        session = self._desk.session
+        session = self._shared.session
         self._button.set_text(scanner_text(session.scanner, session.asks_for_scanner))
         self._button.props(f"color={'orange-9' if session.asks_for_scanner else 'grey-8'}")
         # The pose by edges takes the cloud's zero, and says so.
@@ -45,8 +45,8 @@ class ScannerDialog:
             self._ask()
 
     def _ask(self) -> None:
-        session = self._desk.session
-        place = self._desk.proposal if session.scanner is None else session.scanner
+        session = self._shared.session
+        place = self._shared.proposal if session.scanner is None else session.scanner
         for number, value in zip(self._numbers, [None] * 3 if place is None else place.tolist(), strict=True):
             number.set_value(value)
         self._dialog.open()

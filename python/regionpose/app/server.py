@@ -10,8 +10,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Timer
 
-from regionpose.app.desk import Desk
 from regionpose.app.guard import MOST_BYTES, Guard, leading_to
+from regionpose.app.shared_session import SharedSession
 from regionpose.validation.extras import load_extra
 
 OPENING_S = 1.0
@@ -23,8 +23,8 @@ and what is being drawn is lost: seen with the estimate and a browser without a 
 """
 
 
-def serve(desk: Desk, *, port: int = 0, browser: bool = True, say: Callable[[str], object] = print) -> None:
-    """Serve a desk's page until Ctrl-C; `say` is told its address. `port` 0: any that is free.
+def serve(shared: SharedSession, *, port: int = 0, browser: bool = True, say: Callable[[str], object] = print) -> None:
+    """Serve a shared session's page until Ctrl-C; `say` is told its address. `port` 0: any that is free.
 
     MissingExtraError without NiceGUI; OSError for a port that is taken.
     """
@@ -35,7 +35,7 @@ def serve(desk: Desk, *, port: int = 0, browser: bool = True, say: Callable[[str
     from regionpose.app.page import Page
 
     def file(name: str) -> Response:
-        held = desk.files.get(name)
+        held = shared.files.get(name)
         if held is None:
             return Response("no such file\n", status_code=404, media_type="text/plain")
         return Response(held.content, media_type=held.media, headers={"cache-control": "no-store"})
@@ -44,7 +44,7 @@ def serve(desk: Desk, *, port: int = 0, browser: bool = True, say: Callable[[str
     app.add_api_route("/files/{name}", file, response_class=Response, response_model=None)
     ui.run_with(
         app,
-        root=lambda: Page(desk),
+        root=lambda: Page(shared),
         title="regionpose pick",
         dark=False,
         show_welcome_message=False,
@@ -62,7 +62,7 @@ def serve(desk: Desk, *, port: int = 0, browser: bool = True, say: Callable[[str
                     Timer(OPENING_S, webbrowser.open, [address.as_uri()]).start()
                 _run(guard, listening)
         finally:
-            desk.close()
+            shared.close()
 
 
 @contextmanager

@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from regionpose.app.edge_scene import bare_sides, compares_edges, without_regions
-from regionpose.app.known import Known
 from regionpose.app.parts import Choices, ImagePart, Levels, Picked, WorldPart, only
+from regionpose.app.prior_settings import PriorSettings
 from regionpose.app.proposals import mask_choices, picked_points, picked_world, plane_choices, segmenter_choices
 from regionpose.app.scene_text import check_scene, mask_name, points_name, region_lists, scene_of, scene_text
 from regionpose.app.sketch import Sketch
 from regionpose.cameras import Camera
 from regionpose.io.clouds import Cloud
 from regionpose.io.outputs import Writer, claimed, text_writer
-from regionpose.progress import told_each
+from regionpose.progress import with_progress
 from regionpose.scene.document import SceneError
 from regionpose.scene.estimate import SceneEstimate, estimate_frames, estimate_regions, estimate_sides
 from regionpose.scene.exposure import SceneData, Unpaired, checked
@@ -126,7 +126,7 @@ class Session:
         lists = {key: values.pop(key, []) for key, held in held_lists.items() if isinstance(held, list)}
         session = cls._with_sensors(path, values, stages)
         with stages.stage("regions"):
-            for written, _ in told_each([region for held in lists.values() for region in held], stages.progress):
+            for written, _ in with_progress([region for held in lists.values() for region in held], stages.progress):
                 session._read(written)
         session._saved = session.sketch = replace(session.sketch, selected=None)
         return session
@@ -202,16 +202,16 @@ class Session:
         self._change(moved)
 
     @property
-    def known(self) -> Known:
+    def prior_settings(self) -> PriorSettings:
         """What is known of the pose beforehand."""
-        return Known.of(self.base.get("prior", {}))
+        return PriorSettings.of(self.base.get("prior", {}))
 
-    def set_known(self, known: Known) -> None:
+    def set_prior_settings(self, settings: PriorSettings) -> None:
         """Say what is known of the pose beforehand, which the scene file's `prior` then holds.
 
         ValueError for what is no direction, no deviation, or a direction of view from no place.
         """
-        self.set_prior(known.prior(self.base.get("prior", {}), self.scanner))
+        self.set_prior(settings.prior(self.base.get("prior", {}), self.scanner))
 
     def set_prior(self, prior: dict[str, Any]) -> None:
         """Say what the scene file's `prior` holds; ValueError for what is none."""

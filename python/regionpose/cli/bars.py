@@ -28,7 +28,7 @@ BAR_WIDTH = 20
 BESIDE_NAME, LEAST_NAME = 46, 16
 """Characters of a line of shares beside its name; those that a name has on the narrowest terminal."""
 
-TOLD_EVERY_S = 0.05
+DRAWN_EVERY_S = 0.05
 """Shares that follow sooner are passed over: readers tell them thousands of times a second."""
 
 
@@ -77,7 +77,7 @@ class StageLine(Progress):
 
     def __init__(self, after_s: float, clock: Callable[[], float]) -> None:
         """Show nothing yet; `clock` gives seconds."""
-        self._clock, self._shown_from, self._told_at = clock, clock() + after_s, -math.inf
+        self._clock, self._shown_from, self._drawn_at = clock, clock() + after_s, -math.inf
         self._kind: tuple[ProgressColumn, ...] = UNKNOWN
         # Items may take minutes: the rate is that of all of them.
         super().__init__(
@@ -102,17 +102,17 @@ class StageLine(Progress):
         with self._lock:
             for known in self.task_ids:
                 self.remove_task(known)
-            self._kind, self._told_at = UNKNOWN, -math.inf
+            self._kind, self._drawn_at = UNKNOWN, -math.inf
         # It draws, which must not be within the lock: the thread that draws by itself takes that after the drawing's.
         self.add_task(shortened(stage, max(LEAST_NAME, self.console.width - BESIDE_NAME)), total=None)
 
-    def tell(self, kind: tuple[ProgressColumn, ...], done: float, total: float) -> None:
+    def set_amount(self, kind: tuple[ProgressColumn, ...], done: float, total: float) -> None:
         """Show how much of the stage is done."""
         now = self._clock()
-        if (now < self._told_at + TOLD_EVERY_S and done < total) or not self.tasks:
+        if (now < self._drawn_at + DRAWN_EVERY_S and done < total) or not self.tasks:
             return
         with self._lock:
-            self._told_at, self._kind = now, kind
+            self._drawn_at, self._kind = now, kind
             self.update(self.task_ids[-1], completed=done, total=total)
             if not done:
                 # The rate counts from the first sample, which rich takes of what is more than nothing.

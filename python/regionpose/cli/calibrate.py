@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from regionpose.cli.cameras import SCENE_FILE, camera_scenes, left_out, run_cameras
-from regionpose.cli.console import Progress, say_remarks
+from regionpose.cli.console import Progress, print_remarks
 from regionpose.cli.estimate import run_scene
-from regionpose.cli.known import Known, Mounts, Near, Up
 from regionpose.cli.options import (
     CAMERA_HELP,
     AsJson,
@@ -27,6 +26,7 @@ from regionpose.cli.options import (
     asking,
     names_of,
 )
+from regionpose.cli.prior_options import Mounts, Near, PriorOptions, Up
 from regionpose.cli.recordings import Choice, recording_scene
 from regionpose.io.outputs import text_writer
 
@@ -142,21 +142,21 @@ def calibrate(
     choice.check(paths[0], is_recording=is_recording)
     first = paths[0].resolve()
     result = out or paths[0].parent / f"{first.name if first.is_dir() else first.stem}-result"
-    known = Known.of(near, up, mount or (), sensor_origin)
+    prior_options = PriorOptions.of(near, up, mount or (), sensor_origin)
     folders = camera_folders(paths[0]) if len(paths) == 1 and not is_recording else []
     named = {"name": camera_name, "model": camera_model, "rectified": rectified}
-    options = replace(_options(camera, named, known.origin, coco), columns=names_of(columns))
+    options = replace(_options(camera, named, prior_options.origin, coco), columns=names_of(columns))
     if folders:
-        known.check([folder.name for folder in folders])
-        priors = {folder.name: known.prior(folder.name) for folder in folders}
+        prior_options.check([folder.name for folder in folders])
+        priors = {folder.name: prior_options.prior(folder.name) for folder in folders}
         scenes = camera_scenes(paths[0], folders, result, options, priors, quiet=quiet)
         scenes = {name: asking(scene, segmenter) for name, scene in scenes.items()}
         run_cameras(scenes, result, force=force, as_json=as_json, quiet=quiet, strict=strict)
         return
-    known.check([])
-    options = replace(options, prior=known.prior())
+    prior_options.check([])
+    options = replace(options, prior=prior_options.prior())
     scene, remarks = _scene(paths, result / SCENE_FILE, options, choice if is_recording else None, quiet=quiet)
-    say_remarks(remarks, quiet)
+    print_remarks(remarks, quiet)
     run_scene(
         asking(scene, segmenter),
         result,

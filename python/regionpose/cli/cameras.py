@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
-from regionpose.cli.console import BAD_INPUT, Progress, error_code, one_line, say_json, say_remarks
+from regionpose.cli.console import BAD_INPUT, Progress, error_code, one_line, print_json, print_remarks
 from regionpose.cli.estimate import DOUBTED, WARNED, Outcome, exit_code, scene_outcome
 from regionpose.io.outputs import refuse_existing, text_writer
 
@@ -54,7 +54,7 @@ def camera_scenes(
             path = out / folder.name / SCENE_FILE
             scenes[folder.name], alone = folder_scene(folder, path, own, (rig / CLOUDS, rig))
             remarks += [f"{folder.name}: {remark}" for remark in left_out(alone)]
-    say_remarks(remarks, quiet)
+    print_remarks(remarks, quiet)
     return scenes
 
 
@@ -84,9 +84,9 @@ def run_cameras(
                 except (ValueError, OSError) as error:
                     outcomes[name] = Failed(one_line(error), error_code(error))
     if as_json:
-        say_json({"cameras": {name: _values(outcome) for name, outcome in outcomes.items()}})
+        print_json({"cameras": {name: _values(outcome) for name, outcome in outcomes.items()}})
     else:
-        _say(outcomes, out)
+        _print_result(outcomes, out)
     for name, outcome in outcomes.items():
         if isinstance(outcome, Failed):
             typer.echo(f"error: {name}: {outcome.message}", err=True)
@@ -103,7 +103,7 @@ def _values(outcome: Outcome | Failed) -> dict[str, Any]:
 HEADINGS = ("camera", "verdict", "quat_xyzw", "translation, m", "sigma, deg", "sigma, m")
 
 
-def _say(outcomes: Mapping[str, Outcome | Failed], out: Path) -> None:
+def _print_result(outcomes: Mapping[str, Outcome | Failed], out: Path) -> None:
     """A table of all cameras (camera_from_world, the largest standard deviations), and their warnings."""
     from regionpose.scene.searched import vector_text
     from regionpose.scene.verdict import verdict

@@ -81,7 +81,7 @@ class Progress:
         from regionpose.cli.bars import BYTES, SHARE
 
         total = self._size_bytes or 1.0
-        self._line.tell(BYTES if self._size_bytes else SHARE, share * total, total)
+        self._line.set_amount(BYTES if self._size_bytes else SHARE, share * total, total)
 
     def count(self, done: int, total: int) -> None:
         """Say how many items of the stage are done."""
@@ -89,7 +89,7 @@ class Progress:
             return
         from regionpose.cli.bars import ITEMS
 
-        self._line.tell(ITEMS, done, total)
+        self._line.set_amount(ITEMS, done, total)
 
     def each(self, items: Sequence[Item], stage: str) -> Iterator[Item]:
         """The items in turn, as a stage that counts them."""
@@ -109,7 +109,7 @@ class Progress:
         return read_cloud(path, columns=columns, progress=self.share)
 
 
-def say_remarks(remarks: Sequence[str], quiet: bool) -> None:
+def print_remarks(remarks: Sequence[str], quiet: bool) -> None:
     """Print what is to be known of files to standard error; warnings also where no progress is wanted."""
     for remark in remarks:
         if not quiet or remark.startswith("warning:"):
@@ -130,12 +130,12 @@ def one_line(error: BaseException) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
-def say_json(values: object) -> None:
+def print_json(values: object) -> None:
     """Print values as JSON."""
     typer.echo(json.dumps(values, indent=2, allow_nan=False))
 
 
-def say_rows(rows: list[tuple[str, str]], indent: str = "  ") -> None:
+def print_rows(rows: list[tuple[str, str]], indent: str = "  ") -> None:
     """Print names and values in two columns."""
     width = max((len(name) for name, _ in rows), default=0)
     for name, value in rows:

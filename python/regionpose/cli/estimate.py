@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from regionpose.cli.console import Progress, say_json, say_rows
+from regionpose.cli.console import Progress, print_json, print_rows
 from regionpose.cli.options import AsJson, Force, Quiet, SegmenterName, Strict, scene_with
 from regionpose.geometry.units import angle_text, length_text
 from regionpose.io.outputs import Writer, claimed
@@ -67,9 +67,9 @@ def run_scene(
     with Progress(quiet) as progress:
         outcome = scene_outcome(scene, out, progress.stages, force=force, truth=truth, extra=extra)
     if as_json:
-        say_json(outcome.result)
+        print_json(outcome.result)
     else:
-        _say(*outcome)
+        _print_result(*outcome)
     code = exit_code(outcome.run, strict=strict)
     if code:
         raise typer.Exit(code)
@@ -112,21 +112,21 @@ def exit_code(run: SceneEstimate, *, strict: bool) -> int:
     return WARNED if strict and run.estimate.warnings else 0
 
 
-def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> None:
+def _print_result(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> None:
     from regionpose.scene.verdict import verdict
 
-    _say_pose(run)
-    _say_matching(result)
+    _print_pose(run)
+    _print_matching(result)
     if result["regions"]:
         typer.echo("overlap error by region")
-        say_rows([(region["name"], _errors(region)) for region in result["regions"]])
+        print_rows([(region["name"], _errors(region)) for region in result["regions"]])
         typer.echo("3D regions known by")
-        say_rows([(region["name"], _known_by(region)) for region in result["regions"]])
-        _say_frames(result)
-    _say_search(result)
-    _say_planes(result)
-    _say_known(result)
-    _say_truth(result)
+        print_rows([(region["name"], _known_by(region)) for region in result["regions"]])
+        _print_frames(result)
+    _print_search(result)
+    _print_planes(result)
+    _print_known(result)
+    _print_truth(result)
     judged = verdict(run)
     typer.echo(f"{judged.level}: {judged.headline}")
     for what, advice in judged.remarks:
@@ -134,14 +134,14 @@ def _say(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> Non
     typer.echo(f"written: {', '.join(str(path) for path in written)}")
 
 
-def _say_pose(run: SceneEstimate) -> None:
+def _print_pose(run: SceneEstimate) -> None:
     from regionpose.scene.fit import scene_fit
     from regionpose.scene.searched import vector_text
 
     estimate, fit = run.estimate, scene_fit(run)
     quaternion = ", ".join(f"{value:.9f}" for value in estimate.pose.rotation.as_quat(canonical=True))
     typer.echo("camera_from_world (x_camera = R x_world + t)")
-    say_rows(
+    print_rows(
         [
             ("quat_xyzw", f"[{quaternion}]"),
             ("translation_m", vector_text(estimate.pose.translation, 6)),
@@ -185,21 +185,21 @@ def _known_by(region: dict[str, Any]) -> str:
     return f"{region['known_by']}" + ("" if share is None else f"; {100.0 * share:.1f} % on their side of the outline")
 
 
-def _say_matching(result: dict[str, Any]) -> None:
+def _print_matching(result: dict[str, Any]) -> None:
     """Which unpaired regions were found to be which."""
     for held in result["matching"] or ():
         typer.echo("pairs found" + (f" in {held['frame']}" if "frame" in held else ""))
-        say_rows([(image, world) for image, world in held["pairs"]])
+        print_rows([(image, world) for image, world in held["pairs"]])
         left = [*held["unmatched_image_regions"], *held["unmatched_world_regions"]]
         if left:
             typer.echo(f"without a partner: {', '.join(left)}")
 
 
-def _say_frames(result: dict[str, Any]) -> None:
+def _print_frames(result: dict[str, Any]) -> None:
     """How each of several frames fits."""
     if result["frames"] is not None:
         typer.echo("frames: contours at the pose, and at the pose of the others, px")
-        say_rows([(frame["name"], _frame_fit(frame)) for frame in result["frames"]])
+        print_rows([(frame["name"], _frame_fit(frame)) for frame in result["frames"]])
         scatter = result["between_frame_sigma"]
         if scatter is not None:
             turn, shift = angle_text(scatter["rotation_sigma_deg"]), length_text(scatter["center_sigma_m"])
@@ -212,7 +212,7 @@ def _frame_fit(frame: dict[str, Any]) -> str:
     return f"{values[0]}, {values[1]}" + (", disagrees with the others" if other["disagrees"] else "")
 
 
-def _say_search(result: dict[str, Any]) -> None:
+def _print_search(result: dict[str, Any]) -> None:
     """What was searched for a pose by edges alone, and how far the pose leads."""
     found = result["edge_search"]
     if found is None:
@@ -224,7 +224,7 @@ def _say_search(result: dict[str, Any]) -> None:
     typer.echo(odds_text(found))
 
 
-def _say_planes(result: dict[str, Any]) -> None:
+def _print_planes(result: dict[str, Any]) -> None:
     """Which planes photos confirm at a pose by edges, and how far the pose by these alone is."""
     confirmed = result["confirmed_regions"]
     if confirmed is None:
@@ -240,20 +240,20 @@ def _say_planes(result: dict[str, Any]) -> None:
         typer.echo(f"pose by these planes alone ({known}): {pose['distance_sigmas']:.1f} standard deviations away")
 
 
-def _say_known(result: dict[str, Any]) -> None:
+def _print_known(result: dict[str, Any]) -> None:
     """Where the scanner stood, and what was made of it."""
     from regionpose.scene.searched import vector_text
 
     scanner, near = result["sensor_origin"], result["camera_near"]
     if scanner is not None:
-        typer.echo(f"scanner at {vector_text(scanner['place_in_world_m'], 3)} m, by {scanner['said_by']}")
+        typer.echo(f"scanner at {vector_text(scanner['place_in_world_m'], 3)} m, by {scanner['source']}")
     if near is not None:
-        hint = "; prior.camera_near: null if it doesn't" if near["said_by"] == "sensor_origin" else ""
+        hint = "; prior.camera_near: null if it doesn't" if near["source"] == "sensor_origin" else ""
         place = vector_text(near["place_in_world_m"], 3)
-        typer.echo(f"the camera stands near {place} m, to {near['sigma_m']:g} m, by {near['said_by']}{hint}")
+        typer.echo(f"the camera stands near {place} m, to {near['sigma_m']:g} m, by {near['source']}{hint}")
 
 
-def _say_truth(result: dict[str, Any]) -> None:
+def _print_truth(result: dict[str, Any]) -> None:
     errors = result.get("truth_errors")
     if isinstance(errors, dict):
         turn, shift = angle_text(errors["rotation_deg"]), length_text(errors["camera_center_m"])

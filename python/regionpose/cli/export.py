@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from regionpose.cli.console import say_remarks
+from regionpose.cli.console import print_remarks
 from regionpose.cli.options import CAMERA_HELP, CameraModel, CameraName, Force, Rectified
 from regionpose.io.outputs import text_writer, write_files
 
@@ -70,7 +70,7 @@ def export(
 
     held = _held(pose)
     placed = read_pose_file(pose, PoseSource(camera_name, camera, image))
-    say_remarks([f"pose: {pose}: {placed.remark}"] if placed.remark else [], quiet=False)
+    print_remarks([f"pose: {pose}: {placed.remark}"] if placed.remark else [], quiet=False)
     view = ExportedView(
         placed.pose,
         _camera(held, camera, camera_name, camera_model, rectified),

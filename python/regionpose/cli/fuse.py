@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from regionpose.cli.console import Progress, say_json, say_remarks
+from regionpose.cli.console import Progress, print_json, print_remarks
 from regionpose.cli.options import (
     AsJson,
     CameraModel,
@@ -62,9 +62,9 @@ def fuse(
         colored, visible = colored_cloud(points, views)
         progress.begin("write cloud")
         write_file(out, lambda path: write_ply(path, colored), force=force)
-    say_remarks(list(dict.fromkeys(remarks)), quiet)
+    print_remarks(list(dict.fromkeys(remarks)), quiet)
     total, seen = len(colored), int(visible.sum())
     if as_json:
-        say_json({"out": str(out), "images": len(files), "points": total, "visible_points": seen})
+        print_json({"out": str(out), "images": len(files), "points": total, "visible_points": seen})
     else:
         typer.echo(f"{seen} of {total} points colored; written: {out}")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from regionpose.cli.console import Progress, say_json, say_rows
+from regionpose.cli.console import Progress, print_json, print_rows
 from regionpose.cli.options import AsJson, CameraModel, CameraName, Columns, Quiet, Rectified, names_of
 
 if TYPE_CHECKING:
@@ -82,12 +82,12 @@ def info(
         choice = CameraChoice(camera_name, camera_model, rectified)
         facts = file_facts(file, progress, choice, columns=names_of(columns))
     if as_json:
-        say_json(facts)
+        print_json(facts)
     else:
         typer.echo(f"{file}: {facts.pop('kind')}")
         topics = facts.pop("topics", [])
-        say_rows([(key.replace("_", " "), _shown(value)) for key, value in facts.items()])
-        say_rows([(each["topic"], _topic_line(each)) for each in topics])
+        print_rows([(key.replace("_", " "), _shown(value)) for key, value in facts.items()])
+        print_rows([(each["topic"], _topic_line(each)) for each in topics])
 
 
 def file_facts(

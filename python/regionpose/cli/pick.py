@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from regionpose.cli.console import Progress
-from regionpose.cli.known import Known, Mounts, Near, Up
 from regionpose.cli.options import CAMERA_HELP, Columns, Quiet, SegmenterName, names_of
+from regionpose.cli.prior_options import Mounts, Near, PriorOptions, Up
 
 if TYPE_CHECKING:
     from regionpose.app.session import Session
@@ -50,13 +50,13 @@ def pick(
       regionpose pick drive --camera calib.yaml --up z --mount front
       regionpose pick scene.yaml --segmenter my_sam:predictor
     """
-    from regionpose.app.desk import Desk
     from regionpose.app.server import serve
+    from regionpose.app.shared_session import SharedSession
     from regionpose.segment.segmenters import load_segmenter
 
-    known = Known.of(near, up, mount or (), None)
-    known.check([])
-    prior = known.prior()
+    prior_options = PriorOptions.of(near, up, mount or (), None)
+    prior_options.check([])
+    prior = prior_options.prior()
     with Progress(quiet) as progress:
         session = _session(
             scene, {"--image": image, "--camera": camera, "--cloud": cloud}, names_of(columns), demo, progress.stages
@@ -66,9 +66,9 @@ def pick(
         if segmenter is not None:
             session.segmenter = load_segmenter(segmenter)
         progress.begin(f"pictures of {len(session.cloud)} points")
-        desk = Desk(session)
+        shared = SharedSession(session)
     try:
-        serve(desk, port=port, browser=browser, say=lambda address: typer.echo(f"pick at {address}"))
+        serve(shared, port=port, browser=browser, say=lambda address: typer.echo(f"pick at {address}"))
     finally:
         # Pages are thousands of objects in circles each, which Python looks through at its end: minutes for many pages.
         gc.freeze()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from regionpose.cli.console import Progress, say_json, say_remarks
+from regionpose.cli.console import Progress, print_json, print_remarks
 from regionpose.cli.options import (
     AsJson,
     CameraModel,
@@ -69,9 +69,9 @@ def project(
         progress.begin("projection")
         rows = _rows_inside(points, view)
         write_file(out, lambda path: _write(path, rows, points, view), force=force)
-    say_remarks(remarks, quiet)
+    print_remarks(remarks, quiet)
     if as_json:
-        say_json({"out": str(out), "points": len(points), "points_inside": len(rows)})
+        print_json({"out": str(out), "points": len(points), "points_inside": len(rows)})
     else:
         typer.echo(f"{len(rows)} of {len(points)} points inside the image; written: {out}")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from regionpose.cli.console import say_json
+from regionpose.cli.console import print_json
 
 
 def schema() -> None:
@@ -18,4 +18,4 @@ def schema() -> None:
     """
     from regionpose.scene.loading import scene_schema
 
-    say_json(scene_schema())
+    print_json(scene_schema())

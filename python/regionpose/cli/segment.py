@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from regionpose.cli.console import Progress, say_json, say_rows
+from regionpose.cli.console import Progress, print_json, print_rows
 from regionpose.cli.options import AsJson, Columns, Force, Quiet, SegmenterName, names_of, numbers_of, scene_with
 from regionpose.io.outputs import claimed, refuse_existing, text_writer, write_file
 
@@ -77,12 +77,12 @@ def segment(
             source, names_of(columns), numbers_of("--seed", seed, 3, "x,y,z"), out or Path("region.npy"), force, quiet
         )
     if as_json:
-        say_json(facts)
+        print_json(facts)
     else:
         shown = [(key.replace("_", " "), str(value)) for key, value in facts.items() if not isinstance(value, list)]
-        say_rows(shown, indent="")
-        say_rows([(region["name"], _size(region)) for region in facts.get("regions", [])])
-        say_rows([("warning:", warning) for warning in facts.get("warnings", [])])
+        print_rows(shown, indent="")
+        print_rows([(region["name"], _size(region)) for region in facts.get("regions", [])])
+        print_rows([("warning:", warning) for warning in facts.get("warnings", [])])
 
 
 def _is_picture(path: Path) -> bool:
@@ -199,7 +199,7 @@ def _scene_writers(scene: Scene, sides: SceneData, out: Path) -> dict[str, Any]:
             region["image"]["mask"] = _mask_name(index, region["name"])
             writers[region["image"]["mask"]] = partial(picture.save, format="PNG")
         if world is not None and world.indices is not None and sides.cloud is not None:
-            region["world"] = _kept(region["world"], "seen_from", "radius_m", "extends")
+            region["world"] = _kept(region["world"], "viewpoint", "radius_m", "extends")
             region["world"]["points"] = _points_name(index, region["name"])
             writers[region["world"]["points"]] = partial(np.save, arr=sides.cloud.to_file_indices(world.indices))
     writers[SCENE_FILE] = text_writer(to_yaml(held))

@@ -232,7 +232,7 @@ class ImageRegion(KeptArrays):
         return [np.any(self._on_sides(camera, ring)[1], axis=0) for ring in self.rings]
 
     @checked_arguments
-    def foreign_edges(self, camera: Camera) -> list[Marks]:
+    def excluded_edges(self, camera: Camera) -> list[Marks]:
         """For each ring (n, 2), whether the edges that start at its vertices are not the region's own, (n,): they lie
         on the border of the image, or are hidden.
         """

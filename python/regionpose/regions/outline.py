@@ -53,25 +53,25 @@ class SparseSamplingWarning(UserWarning):
     """An outline of samples too sparse to show the patch."""
 
 
-_told: ContextVar[Callable[[str], object] | None] = ContextVar("_told", default=None)
+_handler: ContextVar[Callable[[str], object] | None] = ContextVar("_handler", default=None)
 
 
 @contextmanager
-def sparse_sampling_told_to(tell: Callable[[str], object]) -> Iterator[None]:
+def sparse_sampling_handler(tell: Callable[[str], object]) -> Iterator[None]:
     """In the block, in this thread, `tell` gets the messages of what would be a SparseSamplingWarning else.
 
     Filters of warnings are the whole process's: threads that change and restore them leave them changed.
     """
-    token = _told.set(tell)
+    token = _handler.set(tell)
     try:
         yield
     finally:
-        _told.reset(token)
+        _handler.reset(token)
 
 
 def _warn(message: str) -> None:
     """Tell who wants to know, else warn at the line outside of the package that led here."""
-    tell = _told.get()
+    tell = _handler.get()
     if tell is not None:
         tell(message)
         return

@@ -79,7 +79,7 @@ def line_samples(
         return None
     low, high = inside.min() - 0.5 * step, inside.max() + 0.5 * step
     strip = np.array([[low, -0.5 * step], [high, -0.5 * step], [high, 0.5 * step], [low, 0.5 * step]])
-    return LineSamples(plane, strip, _telling(inside, outside))
+    return LineSamples(plane, strip, _informative(inside, outside))
 
 
 def _facing_plane(own: Array, sensor: Array) -> PlaneSamples:
@@ -95,7 +95,7 @@ def _facing_plane(own: Array, sensor: Array) -> PlaneSamples:
     return flat_samples(own, origin, np.array([np.cross(up, axes[2]), up, axes[2]]), sensor)
 
 
-def _telling(inside: Array, outside: Array) -> ScanSamples:
+def _informative(inside: Array, outside: Array) -> ScanSamples:
     """The places inside (n, 1) and outside (m, 1) that are next to one of the other kind, and a few others."""
     places = np.concatenate([inside, outside])[:, 0]
     is_inside = np.arange(len(places)) < len(inside)

@@ -91,7 +91,7 @@ def scan_samples(
     outside = np.concatenate([passed, neighbors])
     if len(outside) == 0 or (sensor is None and not _surrounded(inside, outside, rings)):
         return None
-    samples = _telling(inside, outside, rings)
+    samples = _informative(inside, outside, rings)
     return samples if len(samples.outside) else None
 
 
@@ -201,7 +201,7 @@ def _surrounded(inside: Array, outside: Array, rings: list[Array]) -> bool:
     return bool(np.mean(near) >= LEAST_SURROUNDED)
 
 
-def _telling(inside: Array, outside: Array, rings: list[Array]) -> ScanSamples:
+def _informative(inside: Array, outside: Array, rings: list[Array]) -> ScanSamples:
     """The samples next to one of the other kind or to the outline, not too many, and a few others."""
     places = np.concatenate([inside, outside])
     is_inside = np.arange(len(places)) < len(inside)

@@ -269,7 +269,7 @@ class WorldRegion:
         vertices, faces = mesh_parts(mesh)
         return cls._made("from_mesh", vertices, faces)
 
-    def seen_from(self, viewpoint: ArrayLike) -> WorldRegion:
+    def with_viewpoint(self, viewpoint: ArrayLike) -> WorldRegion:
         """The same region, of which a point lies on the side that the camera sees.
 
         Such as the place of the scanner that saw the region, if it stood on the camera's side. Of a surface that is not
@@ -375,9 +375,9 @@ def _kept(given: Given) -> Given:
 
 def _start_outline(flat: Array) -> list[Array]:
     """The outline of samples (n, 2) that count themselves: how sparse they are is no matter."""
-    from regionpose.regions.outline import flat_outline, sparse_sampling_told_to
+    from regionpose.regions.outline import flat_outline, sparse_sampling_handler
 
-    with sparse_sampling_told_to(lambda _: None):
+    with sparse_sampling_handler(lambda _: None):
         return flat_outline(flat)
 
 

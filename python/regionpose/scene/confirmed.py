@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from regionpose.alignment.calibration import Calibration
 from regionpose.alignment.frame import SceneFrame
 from regionpose.geometry.pose import Pose
-from regionpose.progress import Progress, check_wanted, part, told_each
+from regionpose.progress import Progress, check_wanted, part, with_progress
 from regionpose.regions.image import ImageRegion
-from regionpose.regions.outline import sparse_sampling_told_to
+from regionpose.regions.outline import sparse_sampling_handler
 from regionpose.regions.world import WorldRegion
 from regionpose.scene.border_fit import BorderFit, fitted, joint_log_odds
 from regionpose.scene.plane_borders import Outline, View, outlines
@@ -223,7 +223,7 @@ def region_check(
     """The check of a pose by edges; `frames` and `sensor_origin` as of `calibrate`, which found it."""
     planes = tuple(
         None if frame is None else confirmed_regions(frame, found.pose, sensor_origin=sensor_origin, progress=told)
-        for frame, told in told_each(frames, progress)
+        for frame, told in with_progress(frames, progress)
     )
     pairs = [(frame, own) for frame, own in zip(frames, planes, strict=True) if frame is not None and own is not None]
     estimate = region_pose(pairs, found.prior, solver)
@@ -257,7 +257,7 @@ def _region(view: View, surface: Outline, fit: BorderFit, scanner: Array | None,
         return None
     try:
         image = _image_region(view, fit)
-        with sparse_sampling_told_to(lambda _: None):
+        with sparse_sampling_handler(lambda _: None):
             world = WorldRegion.from_scan(view.points, surface.members, sensor_origin=scanner)
     except ValueError:
         # Sides that cross once they are moved, or points that show no outline.

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from regionpose.cameras import Camera
 from regionpose.geometry.pose import Pose
 from regionpose.io.clouds import Cloud
-from regionpose.progress import Progress, part, told_each
+from regionpose.progress import Progress, part, with_progress
 from regionpose.regions.image import ImageRegion
 from regionpose.scene.document import Place
 from regionpose.scene.input_checks import check_camera, check_intensity, check_photo_name, check_regions, check_unit
@@ -97,7 +97,7 @@ def scene_sides(scene: Scene, stages: Stages | None = None, *, origin: Array | N
     center = scene_origin(scene, cloud) if origin is None else origin
     scanner = sensor_origin(scene, cloud)
     with stages.stage("image regions"):
-        imaged = told_each(_imaged(scene), stages.progress)
+        imaged = with_progress(_imaged(scene), stages.progress)
         images = [image_side(scene, (*one.place, "image"), one.image, image) for one, _ in imaged]
     with stages.stage("world regions"):
         scan, paired, share = Scan.of(cloud, center, scanner), scene.model.regions, _share_of_pairs(scene)
@@ -135,7 +135,7 @@ def _world_sides(
     """The world sides of the regions that the scene writes out at `key`."""
     return tuple(
         world_side(scene, (key, index, "world"), one.world, scan, progress=told)
-        for index, (one, told) in enumerate(told_each(items, progress))
+        for index, (one, told) in enumerate(with_progress(items, progress))
     )
 
 

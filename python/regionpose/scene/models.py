@@ -214,7 +214,7 @@ ImageSide = Annotated[
 
 
 class _WorldItem(Item):
-    seen_from: Annotated[
+    viewpoint: Annotated[
         Point | None,
         Field(
             description="a point on the side that the camera sees, such as the scanner's place; either side without it"

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from regionpose.alignment.frame import SceneFrame
 from regionpose.alignment.views import EDGE_SHARE, cell_and_gap, half_field, pixel_angle
 from regionpose.geometry.pose import Pose
-from regionpose.regions.outline import sparse_sampling_told_to
+from regionpose.regions.outline import sparse_sampling_handler
 from regionpose.regions.world import WorldRegion
 from regionpose.validation.arrays import Array
 from regionpose.viz.projections import projected_rings
@@ -291,7 +291,7 @@ def _pieces(ring: Array) -> Pieces:
 def outlines(points: Array, planes: Sequence[Indices], scanner: Array | None) -> list[Outline]:
     """The planes of points (n, 3) that have an outline, by the indices of theirs; `scanner` (3,) saw them."""
     found = []
-    with sparse_sampling_told_to(lambda _: None):
+    with sparse_sampling_handler(lambda _: None):
         for members in planes:
             try:
                 found.append(Outline(WorldRegion.from_points(points[members], sensor_origin=scanner), members))

@@ -17,7 +17,7 @@ from regionpose.io.clouds import Cloud, read_cloud
 from regionpose.io.reading import read_array
 from regionpose.progress import Progress
 from regionpose.regions.image import ImageRegion
-from regionpose.regions.outline import sparse_sampling_told_to
+from regionpose.regions.outline import sparse_sampling_handler
 from regionpose.regions.world import WorldRegion
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene, named_regions
@@ -32,7 +32,7 @@ from regionpose.scene.models import (
     WorldSeed,
 )
 from regionpose.scene.models import WorldSide as WorldItem
-from regionpose.scene.sensors import Picture, SensorOrigin, named
+from regionpose.scene.sensors import Picture, SensorOrigin, at_location
 from regionpose.segment.segmenters import Segmenter, segmented
 from regionpose.validation.arrays import Array
 
@@ -118,12 +118,12 @@ def scene_origin(scene: Scene, cloud: Cloud | None) -> Array:
 def image_side(scene: Scene, place: Place, item: ImageSide, image: Picture) -> ImageRegion:
     """The region of an image side that stands at `place`; SceneError that names its line when it gives no region."""
     if isinstance(item, ImageSeed):
-        return named(scene, (*place, "seed"), lambda: _grown(image, item, scene.segmenter))
+        return at_location(scene, (*place, "seed"), lambda: _grown(image, item, scene.segmenter))
     if isinstance(item, ImageMask):
         return _masked(scene, place, item, image)
     hidden = (*place, "hidden_edges") if item.hidden_edges else (*place, "polygon")
-    drawn = named(scene, hidden, lambda: ImageRegion.from_polygon(item.polygon, hidden_edges=item.hidden_edges))
-    return named(scene, (*place, "polygon"), lambda: _within(scene, drawn, image))
+    drawn = at_location(scene, hidden, lambda: ImageRegion.from_polygon(item.polygon, hidden_edges=item.hidden_edges))
+    return at_location(scene, (*place, "polygon"), lambda: _within(scene, drawn, image))
 
 
 def is_panorama(scene: Scene) -> bool:
@@ -169,7 +169,7 @@ def plane_sides(scene: Scene, scan: Scan, *, progress: Progress | None = None) -
 
     assert scan.cloud is not None
     points = scan.cloud.local_points
-    found = named(scene, ("world_regions",), lambda: find_planes(points, progress=progress))
+    found = at_location(scene, ("world_regions",), lambda: find_planes(points, progress=progress))
     sides = [side for indices in found for side in _plane_side(indices, scan)]
     if not sides:
         raise scene.error(("world_regions",), "found no plane in the cloud; needed regions written out")
@@ -197,27 +197,29 @@ def _plane_side(indices: Indices, scan: Scan) -> list[WorldSide]:
 def _remarked(made: Callable[[], WorldSide]) -> WorldSide:
     """The side that is made, with what its outline was warned of."""
     told: list[str] = []
-    with sparse_sampling_told_to(told.append):
+    with sparse_sampling_handler(told.append):
         side = made()
     return replace(side, remarks=tuple(told))
 
 
 def _sided(scene: Scene, place: Place, item: WorldItem, side: WorldSide, origin: Array) -> WorldSide:
     """The side whose region knows the viewpoint that the scene gives it, if any."""
-    if item.seen_from is None:
+    if item.viewpoint is None:
         return side
-    viewpoint = np.asarray(item.seen_from) - origin
-    return named(scene, (*place, "seen_from"), lambda: replace(side, region=side.region.seen_from(viewpoint)))
+    viewpoint = np.asarray(item.viewpoint) - origin
+    return at_location(
+        scene, (*place, "viewpoint"), lambda: replace(side, region=side.region.with_viewpoint(viewpoint))
+    )
 
 
 def _unremarked_side(scene: Scene, place: Place, item: WorldItem, scan: Scan, progress: Progress | None) -> WorldSide:
     if isinstance(item, WorldPolygonSide):
-        return named(scene, (*place, "polygon"), lambda: _polygon(item, scan.origin))
+        return at_location(scene, (*place, "polygon"), lambda: _polygon(item, scan.origin))
     if isinstance(item, WorldMesh):
-        return named(scene, (*place, "mesh"), lambda: _mesh(scene.file(item.mesh), scan.origin))
+        return at_location(scene, (*place, "mesh"), lambda: _mesh(scene.file(item.mesh), scan.origin))
     if isinstance(item, WorldSeed):
-        return named(scene, (*place, "seed"), lambda: _grown_plane(item, scan, progress))
-    return named(scene, (*place, "points"), lambda: _points(scene, item, scan))
+        return at_location(scene, (*place, "seed"), lambda: _grown_plane(item, scan, progress))
+    return at_location(scene, (*place, "points"), lambda: _points(scene, item, scan))
 
 
 def _grown(image: Picture, item: ImageSeed, segmenter: Segmenter | None) -> ImageRegion:
@@ -239,8 +241,8 @@ def _masked(scene: Scene, place: Place, item: ImageMask, image: Picture) -> Imag
     panorama = is_panorama(scene)
     from_mask = partial(ImageRegion.from_mask, panorama=panorama)
     if item.coverage:
-        return named(scene, (*place, "mask"), lambda: from_mask(coverage_from_file(path, size)))
-    whole = named(
+        return at_location(scene, (*place, "mask"), lambda: from_mask(coverage_from_file(path, size)))
+    whole = at_location(
         scene,
         (*place, "mask"),
         lambda: region_from_file(path, item.label, image=item.image, size=size, panorama=panorama),
@@ -248,7 +250,7 @@ def _masked(scene: Scene, place: Place, item: ImageMask, image: Picture) -> Imag
     if item.unknown is None:
         return whole
     unknown = scene.file(item.unknown)
-    return named(
+    return at_location(
         scene,
         (*place, "unknown"),
         lambda: from_mask(

@@ -144,7 +144,7 @@ def agreement_values(run: SceneEstimate) -> dict[str, Any] | None:
 def sensor_origin_values(run: SceneEstimate) -> dict[str, Any] | None:
     """Where the scanner stood, meters, and who says so; None where that isn't known."""
     scanner = run.scanner
-    return None if scanner is None else {"place_in_world_m": scanner.place, "said_by": scanner.source}
+    return None if scanner is None else {"place_in_world_m": scanner.place, "source": scanner.source}
 
 
 def camera_near_values(run: SceneEstimate) -> dict[str, Any] | None:
@@ -156,7 +156,7 @@ def camera_near_values(run: SceneEstimate) -> dict[str, Any] | None:
     if prior.camera_near is None:
         return None
     by = "prior.camera_near" if item.camera_near is not None else "sensor_origin" if run.scanner else "assumption"
-    return {"place_in_world_m": prior.camera_near, "sigma_m": prior.core.camera_near_sigma_m, "said_by": by}
+    return {"place_in_world_m": prior.camera_near, "sigma_m": prior.core.camera_near_sigma_m, "source": by}
 
 
 def region_values(run: SceneEstimate) -> list[dict[str, Any]]:

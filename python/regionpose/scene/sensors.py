@@ -64,20 +64,20 @@ def scene_camera(scene: Scene) -> Camera:
     """The scene's camera; SceneError that names the line for a file or parameters that give none."""
     item = scene.model.camera
     if isinstance(item, str):
-        return named(scene, ("camera",), lambda: load_camera(scene.file(item)))
+        return at_location(scene, ("camera",), lambda: load_camera(scene.file(item)))
     if isinstance(item, CameraFile):
         file, rectified = scene.file(item.file), item.rectified
-        return named(
+        return at_location(
             scene, ("camera", "file"), lambda: load_camera(file, item.name, model=item.model, rectified=rectified)
         )
     parameters: dict[str, Any] = item.model_dump(exclude={"model", "resized"})
     tupled = {key: _tupled(value) for key, value in parameters.items()}
-    return named(scene, ("camera",), lambda: MODELS[type(item)](**tupled))
+    return at_location(scene, ("camera",), lambda: MODELS[type(item)](**tupled))
 
 
 def scene_image(scene: Scene) -> Picture:
     """The scene's image (h, w, 3), sRGB, as viewers show it: turned as its EXIF data say."""
-    return named(scene, ("image",), lambda: read_picture(scene.file(scene.image)))
+    return at_location(scene, ("image",), lambda: read_picture(scene.file(scene.image)))
 
 
 def fitted_camera(scene: Scene, camera: Camera, image: Picture) -> Camera:
@@ -87,7 +87,7 @@ def fitted_camera(scene: Scene, camera: Camera, image: Picture) -> Camera:
     """
     size, item = (image.shape[1], image.shape[0]), scene.model.camera
     if not isinstance(item, str) and item.resized:
-        return named(scene, ("camera", "resized"), lambda: camera.resized(*size))
+        return at_location(scene, ("camera", "resized"), lambda: camera.resized(*size))
     remark = camera.other_size(*size)
     if remark is None:
         return camera
@@ -108,7 +108,7 @@ def scene_cloud(scene: Scene, *, progress: Progress | None = None) -> Cloud | No
     if held is None:
         return None
     path, columns = scene.file(held.file), held.columns
-    return named(scene, ("cloud",), lambda: read_cloud(path, columns=columns, progress=progress))
+    return at_location(scene, ("cloud",), lambda: read_cloud(path, columns=columns, progress=progress))
 
 
 def read_sensors(scene: Scene, stages: Stages) -> tuple[Picture, Camera, Cloud | None]:
@@ -146,7 +146,7 @@ def read_picture(path: Path) -> Picture:
     return read_colors(path) if place is None else read_bag_picture(place)
 
 
-def named(scene: Scene, place: Place, action: Callable[[], Value]) -> Value:
+def at_location(scene: Scene, place: Place, action: Callable[[], Value]) -> Value:
     """What `action` returns; its errors about bad input say where in the scene file the trouble starts."""
     try:
         return action()

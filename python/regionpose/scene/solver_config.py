@@ -7,7 +7,7 @@ from typing import Any
 from regionpose.geometry.pose import Pose
 from regionpose.scene.loading import Scene
 from regionpose.scene.models import CameraFromWorld, QuaternionPose, WorldFromCamera
-from regionpose.scene.sensors import SensorOrigin, named
+from regionpose.scene.sensors import SensorOrigin, at_location
 from regionpose.solve.options import Solver
 from regionpose.solve.prior import SIGMAS, Prior
 
@@ -39,7 +39,7 @@ def scene_prior(scene: Scene, scanner: SensorOrigin | None) -> Prior:
     item = scene.model.prior
     initial = given_pose(scene)
     near = None if scanner is None or "camera_near" in item.model_fields_set else scanner.place
-    return named(
+    return at_location(
         scene,
         ("prior",),
         lambda: Prior(
@@ -72,7 +72,7 @@ def given_pose(scene: Scene) -> Pose | None:
     if given is None:
         return None
     key = "camera_from_world" if isinstance(given, CameraFromWorld) else "world_from_camera"
-    return named(scene, ("prior", "initial", key), lambda: _written_pose(given))
+    return at_location(scene, ("prior", "initial", key), lambda: _written_pose(given))
 
 
 def _written_pose(given: CameraFromWorld | WorldFromCamera) -> Pose:

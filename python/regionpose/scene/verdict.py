@@ -18,7 +18,7 @@ ADVICE = {
     "outlier-frame": "Look at this frame's overlay: a pair is wrong, or photo and cloud were not taken at one time.",
     "unconfirmed-matching": "Add regions on either side, or pair the regions yourself.",
     "ambiguous": "Add a region without symmetry, or say what is known: prior.up, prior.camera_near, prior.initial and"
-    " its deviations, seen_from of a region's world side.",
+    " its deviations, viewpoint of a region's world side.",
     "ambiguous-region": "This region or the one that the pose itself leaves out is wrong: its mask, its outline, or the"
     " pair.",
     "focal-contradicted": "Check the calibration: whether it is of this lens and zoom, and of photos of this size; with"
@@ -37,7 +37,7 @@ ADVICE = {
     " place unless it is given, and camera_near_sigma_m; null for a camera that may stand anywhere.",
     "poor-overlap": "Look at this region in the overlay: its mask or outline is wrong, or the pair does not match.",
     "samples-unused": "Look at the overlay: check the regions' pairs, sensor_origin and the returns that are marked.",
-    "side-contradicted": "Either seen_from is on the wrong side, or the pair or an outline is wrong.",
+    "side-contradicted": "Either viewpoint is on the wrong side, or the pair or an outline is wrong.",
     "sparse-sampling": "Use a denser scan, a region that is larger or nearer, or its known outline as a polygon.",
     "up-contradicted": "One of them is wrong: check the regions' pairs, or the direction prior.up.",
     "weak-geometry": "Add a region in another plane or further from the others, or more frames; or, if this is precise"

@@ -30,7 +30,7 @@ def regions_from_mesh(mesh: TriangleMesh, *, angle_deg: float = 1.0, least_share
     """The planar facets of a mesh as regions, the largest first.
 
     A facet is grown from its largest triangle over shared edges. Of a closed mesh each region is seen from outside
-    alone (`WorldRegion.seen_from`); of an open one the side is left open.
+    alone (`WorldRegion.with_viewpoint`); of an open one the side is left open.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class _Facet(NamedTuple):
         region = WorldRegion.from_polygon([self.origin + np.asarray(ring.coords)[:-1] @ self.axes for ring in rings])
         if outward is None:
             return region
-        return region.seen_from(self.origin + outward * np.sqrt(self.area) * self.normal)
+        return region.with_viewpoint(self.origin + outward * np.sqrt(self.area) * self.normal)
 
 
 def _welded(vertices: Array, triangles: Indices) -> Indices:

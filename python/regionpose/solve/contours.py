@@ -81,7 +81,7 @@ class Distances(NamedTuple):
 
 def contours_of(camera: Camera, pose: Pose, images: Sequence[ImageRegion], worlds: Sequence[WorldRegion]) -> Contours:
     """The contours of region pairs; edges are split for this camera at this pose."""
-    means = [_core.contour_pieces(image.rings, image.foreign_edges(camera)) for image in images]
+    means = [_core.contour_pieces(image.rings, image.excluded_edges(camera)) for image in images]
     rings = [[_split_ring(camera, pose, ring) for ring in world.rings] for world in worlds]
     all_rings = [ring for region in rings for ring in region]
     slices = _slices([[ring] for ring in all_rings])

@@ -98,8 +98,8 @@ def match_regions(
     The pose of each single pair predicts where all other regions are seen; the nearest are assigned one to one, solved
     together, and kept where the overlap error delta of each is below 15 % (docs/math.md, sections 7 and 8). A pair
     counts `1 - (delta / 15 %)^2`, the truncated quadratic loss of MSAC (Torr and Zisserman 2000); the greatest sum
-    wins. Regions that are hidden, cut off, seen from behind (`WorldRegion.seen_from`), known by one scan line alone or
-    without a partner stay unmatched. `alternatives` and a warning report other assignments that the prior leaves.
+    wins. Regions stay unmatched that are hidden, cut off, seen from behind (`WorldRegion.with_viewpoint`), given by one
+    scan line alone or without a partner. `alternatives` and a warning report other assignments that the prior leaves.
 
     Parameters
     ----------

@@ -61,7 +61,7 @@ def sample_fit(camera: Camera, pose: Pose, image: ImageRegion, world: WorldRegio
 def _edges(camera: Camera, image: ImageRegion) -> tuple[shapely.MultiLineString, shapely.MultiLineString]:
     """Edges of the contour that are the region's own, and those that are not."""
     edges = np.concatenate([np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in image.rings])
-    marks = np.concatenate(image.foreign_edges(camera))
+    marks = np.concatenate(image.excluded_edges(camera))
     return shapely.MultiLineString(list(edges[~marks])), shapely.MultiLineString(list(edges[marks]))
 
 

@@ -38,7 +38,7 @@ def estimate_pose(
         What the world holds, meters, each at the place of its image region.
     prior : Prior, optional
         What is known of the pose. None is needed (docs/math.md, section 7); one adds starts and, like the viewpoint of
-        a region (`WorldRegion.seen_from`), rules out what lies elsewhere (section 10).
+        a region (`WorldRegion.with_viewpoint`), rules out what lies elsewhere (section 10).
     solver : Solver, optional
         How the pose is computed; scipy does the final least squares by default.
 

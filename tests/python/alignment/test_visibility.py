@@ -188,7 +188,7 @@ def sides(*shapes: Array) -> tuple[list[rp.ImageRegion], list[rp.WorldRegion]]:
 def test_the_pose_that_hides_nothing_is_chosen_where_a_photo_has_no_edges() -> None:
     """Half a turn about the middle of the rectangle takes the camera above the ceiling."""
     images, (world,) = sides(SLOPED)
-    worlds = [world.seen_from(POSE.camera_center)]
+    worlds = [world.with_viewpoint(POSE.camera_center)]
     free = rp.estimate_pose(CAMERA, images, worlds)
     answers = [free.pose, *(other.pose for other in free.alternatives)]
     right = [bool((pose.rotation * POSE.rotation.inv()).magnitude() < 0.01) for pose in answers]

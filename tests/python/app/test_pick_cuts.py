@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from pick_sessions import BOARD, CHALKBOARD, click_sign, demo_session
-from regionpose.app.desk import Desk
 from regionpose.app.session import Session
+from regionpose.app.shared_session import SharedSession
 from regionpose.io.clouds import Cloud
 from regionpose.scene.region_sides import Scan
 
@@ -68,54 +68,54 @@ def test_a_cut_that_leaves_nothing_changes_nothing(session: Session) -> None:
 
 
 def test_an_outline_in_the_range_image_cuts_the_selected_region(session: Session) -> None:
-    desk = Desk(session)
+    shared = SharedSession(session)
     try:
         session.click_cloud(CHALKBOARD[1])
         world = session.regions[0].world
         assert world is not None
         indices = world.chosen.side.indices
         assert indices is not None
-        pixels = desk.range_view.pixels(session.cloud.local_points[indices])
+        pixels = shared.range_view.pixels(session.cloud.local_points[indices])
         low, high = pixels.min(axis=0) - 1.0, pixels.max(axis=0) + 1.0
         middle = float(np.median(pixels[:, 0]))
         ring = [[low[0], low[1]], [middle, low[1]], [middle, high[1]], [low[0], high[1]]]
-        desk.edit(desk.cut_in_range(ring))
+        shared.edit(shared.cut_in_range(ring))
         cut = session.regions[0].world
         assert cut is not None and cut.chosen.side.indices is not None
-        kept = desk.range_view.pixels(session.cloud.local_points[cut.chosen.side.indices])
+        kept = shared.range_view.pixels(session.cloud.local_points[cut.chosen.side.indices])
         assert (kept[:, 0] < middle).all()
         held = np.isin(indices[pixels[:, 0] < middle], cut.chosen.side.indices)
         assert held.mean() > 0.95
         with pytest.raises(ValueError, match="found 2 corners around no area"):
-            desk.edit(desk.cut_in_range(ring[:2]))
-        desk.edit(lambda held: held.select(None))
-        desk.edit(desk.cut_in_range(ring))
+            shared.edit(shared.cut_in_range(ring[:2]))
+        shared.edit(lambda held: held.select(None))
+        shared.edit(shared.cut_in_range(ring))
         drawn = session.regions[1].world
         assert drawn is not None
         # The plane that most of the points inside lie on is the one that was clicked.
         np.testing.assert_array_equal(drawn.chosen.side.indices, cut.chosen.side.indices)
     finally:
-        desk.close()
+        shared.close()
 
 
 def test_an_outline_that_crosses_itself_holds_all_that_it_goes_around(session: Session) -> None:
-    desk = Desk(session)
+    shared = SharedSession(session)
     try:
         session.click_cloud(CHALKBOARD[1])
         world = session.regions[0].world
         assert world is not None and world.chosen.side.indices is not None
-        pixels = desk.range_view.pixels(session.cloud.local_points[world.chosen.side.indices])
+        pixels = shared.range_view.pixels(session.cloud.local_points[world.chosen.side.indices])
         low, high = pixels.min(axis=0) - 1.0, pixels.max(axis=0) + 1.0
         middle = 0.5 * (low + high)
         # Two triangles that meet in the middle.
-        desk.edit(desk.cut_in_range([[low[0], low[1]], [high[0], high[1]], [high[0], low[1]], [low[0], high[1]]]))
+        shared.edit(shared.cut_in_range([[low[0], low[1]], [high[0], high[1]], [high[0], low[1]], [low[0], high[1]]]))
         cut = session.regions[0].world
         assert cut is not None and cut.chosen.side.indices is not None
-        kept = desk.range_view.pixels(session.cloud.local_points[cut.chosen.side.indices])
+        kept = shared.range_view.pixels(session.cloud.local_points[cut.chosen.side.indices])
         assert (kept[:, 0] < middle[0]).any() and (kept[:, 0] > middle[0]).any()
         assert not ((np.abs(kept[:, 0] - middle[0]) < 2.0) & (np.abs(kept[:, 1] - low[1]) < 2.0)).any()
     finally:
-        desk.close()
+        shared.close()
 
 
 def test_what_is_drawn_around_holds_the_points_that_growing_did_not_reach(session: Session) -> None:

@@ -19,11 +19,11 @@ from made_up_worlds import World, made_world, pose_of
 from pick_sessions import holds
 from PIL import Image
 from regionpose.alignment import pose_search
-from regionpose.app.desk import Desk
 from regionpose.app.frames import Frames
-from regionpose.app.known import Known
 from regionpose.app.outcome import Outcome
+from regionpose.app.prior_settings import PriorSettings
 from regionpose.app.session import Session
+from regionpose.app.shared_session import SharedSession
 from regionpose.app.texts import outcome_html
 from regionpose.fusion.colors import project_points
 from regionpose.io.clouds import Cloud, write_ply
@@ -82,16 +82,16 @@ def session_of(drive: Path, **extra: Any) -> Session:
 
 
 @contextmanager
-def opened(session: Session) -> Iterator[Desk]:
-    desk = Desk(session)
+def opened(session: Session) -> Iterator[SharedSession]:
+    shared = SharedSession(session)
     try:
-        yield desk
+        yield shared
     finally:
-        desk.close()
+        shared.close()
 
 
-def settled(desk: Desk, state: str = "ready") -> bool:
-    return holds(lambda: desk.outcome.state == state)
+def reaches_state(shared: SharedSession, state: str = "ready") -> bool:
+    return holds(lambda: shared.outcome.state == state)
 
 
 def assert_right(pose: rp.Pose, truth: rp.Pose) -> None:
@@ -99,68 +99,68 @@ def assert_right(pose: rp.Pose, truth: rp.Pose) -> None:
     assert np.linalg.norm(pose.camera_center - truth.camera_center) < 0.15
 
 
-def pick_pair(desk: Desk) -> None:
+def pick_pair(shared: SharedSession) -> None:
     """Mark a region in the photo, and some plane of the cloud as its other side."""
-    desk.edit(lambda session: session.draw_polygon(SQUARE))
-    points = desk.session.cloud.local_points
+    shared.edit(lambda session: session.draw_polygon(SQUARE))
+    points = shared.session.cloud.local_points
     wall = points[np.argmin(np.abs(points - [14.0, 0.0, 0.0]).sum(axis=1))]
-    desk.edit(partial(Session.click_cloud, place=wall))
+    shared.edit(partial(Session.click_cloud, place=wall))
 
 
 def test_the_page_opens_with_the_pose_by_edges(drive: Path, worlds: list[World]) -> None:
-    with opened(session_of(drive)) as desk:
-        assert desk.outcome.state == "busy" and desk.outcome.searches_edges
-        assert "rp-spin" in outcome_html(desk.outcome)
-        assert settled(desk), desk.outcome
-        run = desk.outcome.run
+    with opened(session_of(drive)) as shared:
+        assert shared.outcome.state == "busy" and shared.outcome.searches_edges
+        assert "rp-spin" in outcome_html(shared.outcome)
+        assert reaches_state(shared), shared.outcome
+        run = shared.outcome.run
         assert run is not None and run.calibration is not None
         assert_right(run.estimate.pose, worlds[0].pose)
-        html = outcome_html(desk.outcome)
+        html = outcome_html(shared.outcome)
         assert f"rp-{verdict(run).level}" in html and f"{run.calibration.edges:,}" in html
-        assert holds(lambda: desk.stage == "") and "photo" in desk.colorings
-        desk.color_by("photo")
-        assert desk.coloring == "photo"
+        assert holds(lambda: shared.stage == "") and "photo" in shared.colorings
+        shared.color_by("photo")
+        assert shared.coloring == "photo"
 
 
 def test_the_cloud_lies_over_the_photo_at_once_and_can_be_switched_off(drive: Path) -> None:
-    with opened(session_of(drive)) as desk:
-        assert desk.shows_depth and desk.depth_files == []
-        assert settled(desk) and holds(lambda: bool(desk.depth_files))
-        run = desk.outcome.run
-        assert run is not None and desk.depth_files[0].startswith("files/depth.jpg")
-        shown = np.asarray(Image.open(io.BytesIO(desk.files["depth.jpg"].content)).convert("RGB"), dtype=np.float64)
-        assert shown.shape == desk.session.image.shape, "pixels stay where they are"
-        pixels, depths = project_points(desk.cloud.local_points, run.camera, run.local_pose, shown.shape[:2])
+    with opened(session_of(drive)) as shared:
+        assert shared.shows_depth and shared.depth_files == []
+        assert reaches_state(shared) and holds(lambda: bool(shared.depth_files))
+        run = shared.outcome.run
+        assert run is not None and shared.depth_files[0].startswith("files/depth.jpg")
+        shown = np.asarray(Image.open(io.BytesIO(shared.files["depth.jpg"].content)).convert("RGB"), dtype=np.float64)
+        assert shown.shape == shared.session.image.shape, "pixels stay where they are"
+        pixels, depths = project_points(shared.cloud.local_points, run.camera, run.local_pose, shown.shape[:2])
         seen = np.flatnonzero(np.isfinite(depths) & (depths > 0.0))[::50]
         drawn = shown[tuple(np.round(pixels[seen][:, ::-1]).astype(int).T)]
         assert np.ptp(drawn, axis=1).mean() > 40.0, "the dots are colored, the photo below them is gray"
-        desk.show_depth(False)
-        assert desk.depth_files == []
+        shared.show_depth(False)
+        assert shared.depth_files == []
 
 
 def test_the_runner_up_is_shown_where_the_pose_is_not_trusted(drive: Path) -> None:
-    with opened(session_of(drive)) as desk:
-        assert settled(desk) and holds(lambda: desk.stage == "")
-        run, judged = desk.outcome.run, desk.outcome.judged
+    with opened(session_of(drive)) as shared:
+        assert reaches_state(shared) and holds(lambda: shared.stage == "")
+        run, judged = shared.outcome.run, shared.outcome.judged
         assert run is not None and judged is not None
         other = run.estimate.pose.retract(np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0]))
         place = Alternative(other, run.estimate.covariance, 0.3, 0.3, np.nan, np.empty(0))
         unsure = replace(run, estimate=replace(run.estimate, alternatives=(place,)))
-        desk._show(replace(desk.outcome, run=unsure, judged=replace(judged, level="doubtful")))
-        assert [name.split("?")[0] for name in desk.depth_files] == ["files/depth.jpg", "files/runner_up.jpg"]
-        assert desk.files["depth.jpg"].content != desk.files["runner_up.jpg"].content
-        desk._show(replace(desk.outcome, run=unsure, judged=replace(judged, level="trusted")))
-        assert len(desk.depth_files) == 1
+        shared._show(replace(shared.outcome, run=unsure, judged=replace(judged, level="doubtful")))
+        assert [name.split("?")[0] for name in shared.depth_files] == ["files/depth.jpg", "files/runner_up.jpg"]
+        assert shared.files["depth.jpg"].content != shared.files["runner_up.jpg"].content
+        shared._show(replace(shared.outcome, run=unsure, judged=replace(judged, level="trusted")))
+        assert len(shared.depth_files) == 1
 
 
 def test_what_was_assumed_is_on_the_page(drive: Path) -> None:
     prior = {key: value for key, value in PRIOR.items() if "initial" not in key}
-    with opened(session_of(drive, prior=prior)) as desk:
-        assert settled(desk), desk.outcome
-        run = desk.outcome.run
+    with opened(session_of(drive, prior=prior)) as shared:
+        assert reaches_state(shared), shared.outcome
+        run = shared.outcome.run
         assert run is not None and run.calibration is not None
         assert run.calibration.assumed == ("camera_near_sigma_m",)
-        html = outcome_html(desk.outcome)
+        html = outcome_html(shared.outcome)
         assert "within 0.5 m" in html and "(assumed)" in html and "up to 3 deg" in html
         assert html.count("(assumed)") == 1
     session = session_of(drive, prior=prior, sensor_origin=None)
@@ -172,11 +172,11 @@ def test_what_was_assumed_is_on_the_page(drive: Path) -> None:
 def test_a_scene_without_regions_is_saved_and_estimated_to_the_same_pose(drive: Path) -> None:
     session = session_of(drive)
     assert session.can_save and not session.is_changed
-    with opened(session) as desk:
-        assert settled(desk)
-        run = desk.outcome.run
+    with opened(session) as shared:
+        assert reaches_state(shared)
+        run = shared.outcome.run
         assert run is not None
-        assert desk.save() == [session.path]
+        assert shared.save() == [session.path]
     assert not session.can_save
     again = load_scene(session.path)
     np.testing.assert_array_equal(estimate_scene(again).estimate.pose.matrix, run.estimate.pose.matrix)
@@ -199,10 +199,10 @@ def test_what_could_not_be_read_again_is_not_saved(drive: Path) -> None:
 def test_scenes_whose_edges_do_not_count_wait_for_a_pair(drive: Path) -> None:
     session = session_of(drive, solver={"edges": False})
     assert not session.searches_edges and not session.has_estimate
-    with opened(session) as desk:
-        assert desk.outcome.state == "empty" and not desk.shows_depth
+    with opened(session) as shared:
+        assert shared.outcome.state == "empty" and not shared.shows_depth
         time.sleep(1.0)
-        assert desk.outcome.state == "empty" and desk.outcome.run is None
+        assert shared.outcome.state == "empty" and shared.outcome.run is None
 
 
 @pytest.fixture
@@ -226,41 +226,43 @@ def searches(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_a_pair_is_estimated_by_regions_and_without_it_the_edges_count_again(drive: Path, searches: list[str]) -> None:
-    with opened(session_of(drive)) as desk:
-        assert settled(desk)
-        first = desk.outcome.run
-        desk.edit(lambda session: session.draw_polygon(SQUARE))
-        assert desk.outcome.run is first and desk.outcome.state == "ready", "a side alone changes no pose"
-        desk.edit(Session.undo)
-        pick_pair(desk)
-        assert desk.outcome.state == "busy" and not desk.outcome.searches_edges and desk.outcome.run is first
-        assert holds(lambda: desk.outcome.state in ("regions", "ready", "failed") and not desk.outcome.searches_edges)
-        assert desk.outcome.run is None or desk.outcome.run.calibration is None
-        desk.edit(lambda session: session.remove(session.regions[0].key))
-        assert desk.outcome.run is None and desk.outcome.searches_edges and desk.depth_files == []
-        assert settled(desk)
-        assert desk.outcome.run is first and searches == ["found"], "nothing was searched for twice"
-        assert holds(lambda: len(desk.depth_files) >= 1)
+    with opened(session_of(drive)) as shared:
+        assert reaches_state(shared)
+        first = shared.outcome.run
+        shared.edit(lambda session: session.draw_polygon(SQUARE))
+        assert shared.outcome.run is first and shared.outcome.state == "ready", "a side alone changes no pose"
+        shared.edit(Session.undo)
+        pick_pair(shared)
+        assert shared.outcome.state == "busy" and not shared.outcome.searches_edges and shared.outcome.run is first
+        assert holds(
+            lambda: shared.outcome.state in ("regions", "ready", "failed") and not shared.outcome.searches_edges
+        )
+        assert shared.outcome.run is None or shared.outcome.run.calibration is None
+        shared.edit(lambda session: session.remove(session.regions[0].key))
+        assert shared.outcome.run is None and shared.outcome.searches_edges and shared.depth_files == []
+        assert reaches_state(shared)
+        assert shared.outcome.run is first and searches == ["found"], "nothing was searched for twice"
+        assert holds(lambda: len(shared.depth_files) >= 1)
 
 
 def test_a_changed_prior_is_searched_anew(drive: Path, searches: list[str]) -> None:
-    with opened(session_of(drive)) as desk:
-        assert settled(desk)
-        first = desk.outcome.run
-        desk.edit(lambda session: session.set_known(replace(session.known, up_sigma_deg=2.0)))
-        assert desk.outcome.state == "busy" and desk.outcome.run is first
-        assert settled(desk)
-        run = desk.outcome.run
+    with opened(session_of(drive)) as shared:
+        assert reaches_state(shared)
+        first = shared.outcome.run
+        shared.edit(lambda session: session.set_prior_settings(replace(session.prior_settings, up_sigma_deg=2.0)))
+        assert shared.outcome.state == "busy" and shared.outcome.run is first
+        assert reaches_state(shared)
+        run = shared.outcome.run
         assert run is not first and run is not None and run.calibration is not None
         assert run.calibration.prior.up_sigma_deg == 2.0 and searches == ["found", "found"]
 
 
 def test_a_place_of_the_scanner_is_searched_from(drive: Path, searches: list[str]) -> None:
-    with opened(session_of(drive)) as desk:
-        assert settled(desk)
-        desk.edit(lambda session: session.set_scanner([0.01, 0.0, 0.0]))
-        assert desk.outcome.state == "busy" and settled(desk)
-        run = desk.outcome.run
+    with opened(session_of(drive)) as shared:
+        assert reaches_state(shared)
+        shared.edit(lambda session: session.set_scanner([0.01, 0.0, 0.0]))
+        assert shared.outcome.state == "busy" and reaches_state(shared)
+        run = shared.outcome.run
         assert run is not None and run.scanner is not None
         np.testing.assert_array_equal(run.scanner.place, [0.01, 0.0, 0.0])
         assert searches == ["found", "found"]
@@ -287,32 +289,32 @@ def test_a_search_can_be_stopped_and_taken_up_again(
             raise
 
     monkeypatch.setattr(Session, "estimate_edges", slow)
-    with opened(session_of(drive)) as desk:
-        assert holds(lambda: "25 %" in desk.stage)
-        desk.stop()
-        assert desk.outcome.state == "stopped" and desk.stage == "" and desk.outcome.run is None
+    with opened(session_of(drive)) as shared:
+        assert holds(lambda: "25 %" in shared.stage)
+        shared.stop()
+        assert shared.outcome.state == "stopped" and shared.stage == "" and shared.outcome.run is None
         assert holds(lambda: ends == ["abandoned"], SOON_S)
-        desk.estimate_again()
-        assert settled(desk)
-        assert desk.outcome.run is not None
-        assert_right(desk.outcome.run.estimate.pose, worlds[0].pose)
+        shared.estimate_again()
+        assert reaches_state(shared)
+        assert shared.outcome.run is not None
+        assert_right(shared.outcome.run.estimate.pose, worlds[0].pose)
 
 
 def test_a_page_that_is_closed_ends_its_search(drive: Path, searches: list[str], monkeypatch: Any) -> None:
     monkeypatch.setattr(pose_search, "DRAWS", 3_000_000)
-    desk = Desk(session_of(drive))
+    shared = SharedSession(session_of(drive))
     assert holds(lambda: searches == ["begun"])
     time.sleep(1.0)
-    desk.close()
+    shared.close()
     assert holds(lambda: searches == ["abandoned"], SOON_S)
 
 
 def test_clouds_without_edges_are_named_as_such(drive: Path) -> None:
     write_ply(drive / "0001.ply", Cloud.from_points(np.random.default_rng(0).random((9, 3))), overwrite=True)
-    with opened(session_of(drive)) as desk:
-        assert settled(desk, "failed")
-        assert desk.outcome.searches_edges and "no pose was found" in outcome_html(desk.outcome)
-        assert desk.depth_files == []
+    with opened(session_of(drive)) as shared:
+        assert reaches_state(shared, "failed")
+        assert shared.outcome.searches_edges and "no pose was found" in outcome_html(shared.outcome)
+        assert shared.depth_files == []
 
 
 # Frames of a rig.
@@ -328,20 +330,20 @@ def test_the_pose_by_edges_is_of_all_frames_and_stays_when_another_is_shown(
     drive: Path, worlds: list[World], searches: list[str]
 ) -> None:
     frames = frames_of(drive)
-    with opened(frames.turned_to(0)) as desk:
-        assert settled(desk), desk.outcome
-        run = desk.outcome.run
+    with opened(frames.turned_to(0)) as shared:
+        assert reaches_state(shared), shared.outcome
+        run = shared.outcome.run
         assert run is not None and [sides.scene.name for sides in run.frames] == ["0001", "0002"]
         assert_right(run.estimate.pose, worlds[0].pose)
-        assert holds(lambda: bool(desk.depth_files))
-        first = desk.files["depth.jpg"].content
-        desk.turn_to(frames.turned_to(1))
-        assert desk.depth_files == [] and desk.outcome.state == "busy"
-        assert settled(desk)
-        assert desk.outcome.run is run and searches == ["found"]
-        assert holds(lambda: bool(desk.depth_files))
-        assert desk.files["depth.jpg"].content != first, "it is drawn over the other photo"
-        written = desk.save()
+        assert holds(lambda: bool(shared.depth_files))
+        first = shared.files["depth.jpg"].content
+        shared.turn_to(frames.turned_to(1))
+        assert shared.depth_files == [] and shared.outcome.state == "busy"
+        assert reaches_state(shared)
+        assert shared.outcome.run is run and searches == ["found"]
+        assert holds(lambda: bool(shared.depth_files))
+        assert shared.files["depth.jpg"].content != first, "it is drawn over the other photo"
+        written = shared.save()
     assert written == [drive / "scene.yaml"]
     scene = load_scene(drive / "scene.yaml")
     assert [frame.name for frame in scene.frames] == ["0001", "0002"]
@@ -352,9 +354,9 @@ def test_the_pose_by_edges_is_of_all_frames_and_stays_when_another_is_shown(
 
 def test_frames_with_a_pair_are_saved_without_the_others(drive: Path) -> None:
     frames = frames_of(drive)
-    with opened(frames.turned_to(1)) as desk:
-        pick_pair(desk)
-        desk.save()
+    with opened(frames.turned_to(1)) as shared:
+        pick_pair(shared)
+        shared.save()
     assert [frame.name for frame in load_scene(drive / "scene.yaml").frames] == ["0002"]
 
 
@@ -391,9 +393,9 @@ def test_the_options_of_calibrate_narrow_the_search(
 ) -> None:
     held: list[Session] = []
 
-    def served(desk: Desk, **_: Any) -> None:
-        desk.close()
-        held.append(desk.session)
+    def served(shared: SharedSession, **_: Any) -> None:
+        shared.close()
+        held.append(shared.session)
 
     monkeypatch.setattr("regionpose.app.server.serve", served)
     place = [str(drive), "--camera", str(drive.parent / "cameras.txt")]
@@ -401,7 +403,9 @@ def test_the_options_of_calibrate_narrow_the_search(
     code, _, errors = run(capsys, "pick", *scene, "--up", "-y", "--near", "0,0,1,0.3", "--quiet")
     assert (code, errors) == (0, "")
     session = held[0]
-    assert session.known == Known(near=(0.0, 0.0, 1.0), near_sigma_m=0.3, up=(0.0, -1.0, 0.0), up_sigma_deg=5.0)
+    assert session.prior_settings == PriorSettings(
+        near=(0.0, 0.0, 1.0), near_sigma_m=0.3, up=(0.0, -1.0, 0.0), up_sigma_deg=5.0
+    )
     prior = session.edge_values()["prior"]
     assert prior["up"] == [0.0, -1.0, 0.0] and prior["camera_near_sigma_m"] == 0.3 and session.is_changed
 

@@ -15,9 +15,9 @@ import pytest
 from pick_sessions import BOARD, CHALKBOARD, DOOR, WAIT_S, click_sign, demo_session, holds
 from PIL import Image
 from regionpose.app import estimator
-from regionpose.app.desk import Desk
 from regionpose.app.outcome import Outcome
 from regionpose.app.session import Session
+from regionpose.app.shared_session import SharedSession
 from regionpose.app.texts import outcome_html
 from regionpose.fusion.colors import project_points
 from regionpose.progress import UnwantedError, check_wanted, while_wanted
@@ -46,8 +46,8 @@ def session(pairs: Session) -> Session:
     return copy(pairs)
 
 
-def settled(desk: Desk, state: str) -> bool:
-    return holds(lambda: desk.outcome.state == state)
+def reaches_state(shared: SharedSession, state: str) -> bool:
+    return holds(lambda: shared.outcome.state == state)
 
 
 def test_the_regions_pose_comes_first_and_then_that_of_the_whole_scene(
@@ -55,22 +55,22 @@ def test_the_regions_pose_comes_first_and_then_that_of_the_whole_scene(
 ) -> None:
     shown: list[Outcome] = []
     stages: list[str] = []
-    show = Desk._show
+    show = SharedSession._show
 
-    def noted(desk: Desk, outcome: Outcome) -> None:
+    def noted(shared: SharedSession, outcome: Outcome) -> None:
         shown.append(outcome)
-        stages.append(desk.stage)
-        show(desk, outcome)
+        stages.append(shared.stage)
+        show(shared, outcome)
 
-    monkeypatch.setattr(Desk, "_show", noted)
-    desk = Desk(session)
+    monkeypatch.setattr(SharedSession, "_show", noted)
+    shared = SharedSession(session)
     try:
-        assert settled(desk, "ready"), desk.outcome
+        assert reaches_state(shared, "ready"), shared.outcome
     finally:
-        desk.close()
+        shared.close()
     first, last = shown
     assert (first.state, last.state) == ("regions", "ready")
-    assert all(stages) and stages[0] != stages[1] and desk.stage == ""
+    assert all(stages) and stages[0] != stages[1] and shared.stage == ""
     assert first.run is not None and first.run.calibration is None
     assert last.run is not None and last.run.calibration is not None
     assert "rp-trusted" not in outcome_html(first) and "rp-trusted" in outcome_html(last)
@@ -79,26 +79,26 @@ def test_the_regions_pose_comes_first_and_then_that_of_the_whole_scene(
 
 def test_the_cloud_is_drawn_over_the_photo_at_the_current_pose(session: Session, ends: list[str]) -> None:
     """Where it is wanted, and anew at each pose: of the pose that was shown, nothing stays."""
-    desk = Desk(session)
+    shared = SharedSession(session)
     try:
-        assert settled(desk, "regions")
-        assert desk.depth_files == [] and "depth.jpg" not in desk.files
-        desk.show_depth(True)
-        first, run = desk.files["depth.jpg"], desk.outcome.run
-        assert run is not None and desk.depth_files[0].startswith("files/depth.jpg")
+        assert reaches_state(shared, "regions")
+        assert shared.depth_files == [] and "depth.jpg" not in shared.files
+        shared.show_depth(True)
+        first, run = shared.files["depth.jpg"], shared.outcome.run
+        assert run is not None and shared.depth_files[0].startswith("files/depth.jpg")
         shown = np.asarray(Image.open(io.BytesIO(first.content)).convert("RGB"), dtype=np.float64)
-        pixels, depths = project_points(desk.cloud.local_points, run.camera, run.local_pose, shown.shape[:2])
+        pixels, depths = project_points(shared.cloud.local_points, run.camera, run.local_pose, shown.shape[:2])
         seen = np.flatnonzero(np.isfinite(depths) & (depths > 0.0))[::50]
         drawn = shown[tuple(np.round(pixels[seen][:, ::-1]).astype(int).T)]
         assert np.ptp(drawn, axis=1).mean() > 40.0, "the dots are colored, the photo below them is gray"
-        before = desk.depth_files
+        before = shared.depth_files
         moved = replace(run, estimate=replace(run.estimate, pose=run.estimate.pose.retract(np.full(6, 0.05))))
-        desk._show(replace(desk.outcome, run=moved))
-        assert desk.depth_files != before and desk.files["depth.jpg"].content != first.content
-        desk.show_depth(False)
-        assert desk.depth_files == []
+        shared._show(replace(shared.outcome, run=moved))
+        assert shared.depth_files != before and shared.files["depth.jpg"].content != first.content
+        shared.show_depth(False)
+        assert shared.depth_files == []
     finally:
-        desk.close()
+        shared.close()
 
 
 @pytest.fixture
@@ -121,35 +121,35 @@ def ends(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
 
 
 def test_what_runs_can_be_stopped_and_the_regions_pose_stays(session: Session, ends: list[str]) -> None:
-    desk = Desk(session)
+    shared = SharedSession(session)
     try:
-        assert settled(desk, "regions")
-        run = desk.outcome.run
-        desk.stop()
-        assert desk.outcome.state == "stopped" and desk.outcome.run is run and desk.stage == ""
+        assert reaches_state(shared, "regions")
+        run = shared.outcome.run
+        shared.stop()
+        assert shared.outcome.state == "stopped" and shared.outcome.run is run and shared.stage == ""
         assert holds(lambda: ends == ["abandoned"], SOON_S)
-        assert "rp-trusted" not in outcome_html(desk.outcome)
-        desk.estimate_again()
-        assert settled(desk, "regions")
+        assert "rp-trusted" not in outcome_html(shared.outcome)
+        shared.estimate_again()
+        assert reaches_state(shared, "regions")
     finally:
-        desk.close()
+        shared.close()
 
 
 def test_an_edit_of_a_pair_abandons_what_runs(session: Session, ends: list[str]) -> None:
-    desk = Desk(session)
+    shared = SharedSession(session)
     try:
-        assert settled(desk, "regions")
-        desk.edit(lambda held: held.select(None))
-        desk.edit(partial(Session.click_photo, pixel=CHALKBOARD[0]))
-        assert ends == [] and desk.outcome.state == "regions", "a side alone changes no pose"
-        desk.edit(partial(Session.click_cloud, place=CHALKBOARD[1]))
-        assert desk.outcome.state == "busy"
+        assert reaches_state(shared, "regions")
+        shared.edit(lambda held: held.select(None))
+        shared.edit(partial(Session.click_photo, pixel=CHALKBOARD[0]))
+        assert ends == [] and shared.outcome.state == "regions", "a side alone changes no pose"
+        shared.edit(partial(Session.click_cloud, place=CHALKBOARD[1]))
+        assert shared.outcome.state == "busy"
         assert holds(lambda: ends == ["abandoned"], SOON_S)
-        assert settled(desk, "regions")
-        run = desk.outcome.run
+        assert reaches_state(shared, "regions")
+        run = shared.outcome.run
         assert run is not None and len(run.names) == 3
     finally:
-        desk.close()
+        shared.close()
 
 
 def test_the_rest_of_a_scene_ends_soon_after_nobody_waits(session: Session) -> None:

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pick_sessions import CHALKBOARD, demo_files
-from regionpose.app.desk import Desk
 from regionpose.app.frames import Frames, FrameSession
-from regionpose.app.known import Known
+from regionpose.app.prior_settings import PriorSettings
 from regionpose.app.session import Session
+from regionpose.app.shared_session import SharedSession
 from regionpose.cli.pick import _session
 from regionpose.scene.document import SceneError
 from regionpose.scene.loading import load_scene
@@ -46,9 +46,9 @@ def test_frames_are_saved_as_one_scene_and_read_again(drive: Path) -> None:
     frames = Frames.of_folder(drive, camera)
     assert frames.names == ("0001", "0002", "0003")
     first = picked(frames, 0)
-    first.set_known(Known(up=(0.0, 0.0, 1.0)))
+    first.set_prior_settings(PriorSettings(up=(0.0, 0.0, 1.0)))
     second = picked(frames, 1)
-    assert second.known.up == (0.0, 0.0, 1.0) and second.is_changed
+    assert second.prior_settings.up == (0.0, 0.0, 1.0) and second.is_changed
     written = second.save()
     assert written[-1] == drive / "scene.yaml" and not first.is_changed and not second.is_changed
     scene = load_scene(drive / "scene.yaml")
@@ -89,14 +89,14 @@ def test_the_command_opens_folders_and_scenes_of_frames(drive: Path) -> None:
 
 def test_a_desk_turns_to_another_frame(drive: Path) -> None:
     frames = Frames.of_folder(drive, drive.parent / "camera.yaml")
-    desk = Desk(frames.turned_to(0))
+    shared = SharedSession(frames.turned_to(0))
     try:
-        desk.edit(lambda session: session.draw_polygon(SQUARES[0]))
-        revision = desk.revision
-        desk.turn_to(frames.turned_to(1))
-        assert desk.session is frames.turned_to(1) and desk.revision > revision
-        assert desk.photo_shapes() == [] and desk.outcome.state == "busy" and desk.outcome.searches_edges
-        desk.turn_to(frames.turned_to(0))
-        assert len(desk.photo_shapes()) == 1
+        shared.edit(lambda session: session.draw_polygon(SQUARES[0]))
+        revision = shared.revision
+        shared.turn_to(frames.turned_to(1))
+        assert shared.session is frames.turned_to(1) and shared.revision > revision
+        assert shared.photo_shapes() == [] and shared.outcome.state == "busy" and shared.outcome.searches_edges
+        shared.turn_to(frames.turned_to(0))
+        assert len(shared.photo_shapes()) == 1
     finally:
-        desk.close()
+        shared.close()

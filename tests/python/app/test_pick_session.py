@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pick_sessions import BOARD, CHALKBOARD, DOOR, click_sign, demo_files, demo_session
-from regionpose.app.desk import Desk
 from regionpose.app.outcome import Outcome
 from regionpose.app.scanner import proposed_scanner
 from regionpose.app.session import Session
+from regionpose.app.shared_session import SharedSession
 from regionpose.app.texts import outcome_html
 from regionpose.datasets.demo import demo_folder
 from regionpose.io.clouds import Cloud, read_cloud
@@ -232,49 +232,49 @@ def test_a_save_that_fails_leaves_the_old_files(session: Session, monkeypatch: p
 def test_two_pages_edit_one_after_the_other_and_nothing_is_lost(session: Session) -> None:
     from concurrent.futures import ThreadPoolExecutor
 
-    desk = Desk(session)
+    shared = SharedSession(session)
     try:
         squares = [(np.array(SQUARE) + 4.0 * number).tolist() for number in range(24)]
         with ThreadPoolExecutor(8) as pages:
-            list(pages.map(lambda square: desk.edit(lambda held: held.draw_polygon(square)), squares))
+            list(pages.map(lambda square: shared.edit(lambda held: held.draw_polygon(square)), squares))
         assert len(session.regions) == 24
         assert len({picked.name for picked in session.regions}) == 24
-        assert len(desk.photo_shapes()) == 24
+        assert len(shared.photo_shapes()) == 24
     finally:
-        desk.close()
+        shared.close()
 
 
-def settled(desk: Desk, state: str) -> bool:
-    """Whether the desk's outcome comes to a state within a minute."""
+def reaches_state(shared: SharedSession, state: str) -> bool:
+    """Whether the shared session's outcome comes to a state within a minute."""
     until = time.monotonic() + 60.0
-    while desk.outcome.state != state and time.monotonic() < until:
+    while shared.outcome.state != state and time.monotonic() < until:
         time.sleep(0.01)
-    return desk.outcome.state == state
+    return shared.outcome.state == state
 
 
 def test_regions_of_one_side_are_matched_as_they_are_picked(session: Session) -> None:
     clicks = (DOOR, BOARD, CHALKBOARD)
     session.base["solver"] = {"edges": False}
-    desk = Desk(session)
+    shared = SharedSession(session)
     try:
         for pixel, _ in clicks:
-            desk.edit(lambda held: held.select(None))
-            desk.edit(partial(Session.click_photo, pixel=pixel))
-        assert desk.outcome.state == "empty" and session.basis == []
+            shared.edit(lambda held: held.select(None))
+            shared.edit(partial(Session.click_photo, pixel=pixel))
+        assert shared.outcome.state == "empty" and session.basis == []
         for _, place in reversed(clicks):
-            desk.edit(lambda held: held.select(None))
-            desk.edit(partial(click_sign, place=place))
+            shared.edit(lambda held: held.select(None))
+            shared.edit(partial(click_sign, place=place))
         assert not session.pairs and len(session.basis) == 6
-        assert settled(desk, "ready"), desk.outcome
-        run = desk.outcome.run
+        assert reaches_state(shared, "ready"), shared.outcome
+        run = shared.outcome.run
         assert run is not None
         assert truth_errors(run.estimate.pose, read_truth(demo_folder() / "truth.json"))["rotation_deg"] < 0.3
-        assert sorted(desk.outcome.fits) == [picked.key for picked in session.regions[:3]]
+        assert sorted(shared.outcome.fits) == [picked.key for picked in session.regions[:3]]
         for picked in session.regions[3:]:
-            desk.edit(partial(Session.remove, key=picked.key))
-        assert desk.outcome.run is None
+            shared.edit(partial(Session.remove, key=picked.key))
+        assert shared.outcome.run is None
     finally:
-        desk.close()
+        shared.close()
 
 
 def test_planes_are_not_looked_for_to_tell_whether_they_can_be_matched(session: Session) -> None:
@@ -295,16 +295,16 @@ def test_an_estimate_that_breaks_is_told_and_the_next_one_is_made(
 
     monkeypatch.setattr(Session, "can_estimate", True)
     monkeypatch.setattr(Session, "estimate_regions", broken)
-    desk = Desk(session)
+    shared = SharedSession(session)
     try:
         for number in (1, 2):
             until = time.monotonic() + 60.0
-            while (len(tried) < number or desk.outcome.state != "failed") and time.monotonic() < until:
+            while (len(tried) < number or shared.outcome.state != "failed") and time.monotonic() < until:
                 time.sleep(0.01)
-            assert desk.outcome.message == "RuntimeError: broken" and len(tried) == number
-            desk.estimate_again()
+            assert shared.outcome.message == "RuntimeError: broken" and len(tried) == number
+            shared.estimate_again()
     finally:
-        desk.close()
+        shared.close()
 
 
 def clicked(session: Session) -> Session:
@@ -359,19 +359,19 @@ def test_a_place_that_is_none_changes_nothing(session: Session) -> None:
 
 
 def test_the_desk_looks_from_the_scanner_s_place(unasked: Session) -> None:
-    desk = Desk(unasked)
+    shared = SharedSession(unasked)
     try:
-        assert desk.proposal is not None and not desk.proposal.any()
-        middle, pictured = desk.middle, desk.pictured
-        desk.edit(lambda session: session.set_scanner([1.0, 0.5, 0.2]))
-        np.testing.assert_array_equal(desk.place, [1.0, 0.5, 0.2])
-        np.testing.assert_array_equal(desk.range_view.place, desk.place)
-        np.testing.assert_array_equal(desk.middle, middle)
-        assert desk.pictured > pictured
-        desk.edit(Session.undo)
-        np.testing.assert_array_equal(desk.place, [0.0, 0.0, 0.0])
+        assert shared.proposal is not None and not shared.proposal.any()
+        middle, pictured = shared.middle, shared.pictured
+        shared.edit(lambda session: session.set_scanner([1.0, 0.5, 0.2]))
+        np.testing.assert_array_equal(shared.place, [1.0, 0.5, 0.2])
+        np.testing.assert_array_equal(shared.range_view.place, shared.place)
+        np.testing.assert_array_equal(shared.middle, middle)
+        assert shared.pictured > pictured
+        shared.edit(Session.undo)
+        np.testing.assert_array_equal(shared.place, [0.0, 0.0, 0.0])
     finally:
-        desk.close()
+        shared.close()
 
 
 def test_only_a_single_scan_around_zero_proposes_a_place() -> None:

@@ -253,7 +253,7 @@ class FreeWhereDrawn(StageLine):
 def test_no_lock_is_held_where_the_line_is_drawn() -> None:
     line = FreeWhereDrawn(0.0, Clock())
     line.begin("read the cloud")
-    line.tell(SHARE, 0.5, 1.0)
+    line.set_amount(SHARE, 0.5, 1.0)
     line.begin("write the cloud")
     assert len(line.free) >= 3 and all(line.free)
 
@@ -298,11 +298,11 @@ def test_known_amounts_show_their_rate_and_the_time_left(
     line = StageLine(1.0, clock := Clock())
     line.begin("stage")
     for amount in amounts[:3]:
-        line.tell(kind, amount, amounts[3])  # type: ignore[arg-type]
+        line.set_amount(kind, amount, amounts[3])  # type: ignore[arg-type]
         clock.seconds += 4.0
     clock.seconds -= 4.0
     assert re.search(rf"stage [━╸╺]+ +{shown}$", drawn(line))
-    line.tell(kind, amounts[3], amounts[3])  # type: ignore[arg-type]
+    line.set_amount(kind, amounts[3], amounts[3])  # type: ignore[arg-type]
     clock.seconds += 4.0
     assert re.fullmatch(r"\S stage 0:00:12", drawn(line)), "what follows is of unknown amount"
 
@@ -311,6 +311,6 @@ def test_a_long_name_loses_its_middle_to_the_bar(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setenv("COLUMNS", "80")
     line = StageLine(1.0, clock := Clock())
     line.begin("frame 2 of 500, photo-of-the-long-corridor-000123: world regions")
-    line.tell(SHARE, 0.5, 1.0)
+    line.set_amount(SHARE, 0.5, 1.0)
     clock.seconds += 4.0
     assert re.fullmatch(r"frame 2 of 500, p….*: world regions [━╸╺]{10} +50% 0:00:04 -:--:-- left", drawn(line))

@@ -235,8 +235,14 @@ OPTIONS: list[tuple[Callable[[], object], str]] = [
     (lambda: rp.Prior(camera_near=[0.0, np.inf, 1.0]), r"camera_near is \[0.0, inf, 1.0\]; it needs to be 3 finite"),
     (lambda: rp.Prior(camera_near=UP, camera_near_sigma_m=np.inf), "camera_near_sigma_m holds inf; it needs positive"),
     (lambda: rp.Prior(camera_near_sigma_m=2.0), "camera_near_sigma_m is 2.0 without camera_near; it needs camera_near"),
-    (lambda: WORLD.seen_from([0.0, np.nan, 1.0]), r"viewpoint is \[0.0, NaN, 1.0\]; it needs to be 3 finite numbers"),
-    (lambda: WORLD.seen_from(LIFTED[0] + 3.0 * (LIFTED[1] - LIFTED[0])), "off the region's plane at a distance of"),
+    (
+        lambda: WORLD.with_viewpoint([0.0, np.nan, 1.0]),
+        r"viewpoint is \[0.0, NaN, 1.0\]; it needs to be 3 finite numbers",
+    ),
+    (
+        lambda: WORLD.with_viewpoint(LIFTED[0] + 3.0 * (LIFTED[1] - LIFTED[0])),
+        "off the region's plane at a distance",
+    ),
     (lambda: rp.estimate_pose(CAMERA, [], []), "there are 0 observed and 0 world regions; there need to be as many"),
     (lambda: rp.estimate_pose(CAMERA, [IMAGE], [WORLD, WORLD]), "there are 1 observed and 2 world regions"),
     (lambda: rp.estimate_pose(CAMERA, [WORLD], [WORLD]), r"image_regions\[0\] is a WorldRegion; needed a ImageRegion"),  # type: ignore[list-item]
@@ -379,7 +385,7 @@ FUNCTIONS: list[Callable[[Any], object]] = [
     lambda value: rp.Prior(initial=POSE, initial_rotation_sigma_deg=value, initial_center_sigma_m=value),
     lambda value: rp.Prior(camera_near=value),
     lambda value: rp.Prior(camera_near=UP, camera_near_sigma_m=value),
-    lambda value: WORLD.seen_from(value),
+    lambda value: WORLD.with_viewpoint(value),
     lambda value: solve(system=value),
     lambda value: solve(integration=value),
     lambda value: solve(driver=value),

@@ -80,7 +80,7 @@ def public_objects() -> dict[str, list[Any]]:
         rp.SceneFrame(demo.image, few, demo.camera),
         rp.Prior(camera_near=pose.camera_center, camera_near_sigma_m=0.5),
         rp.Solver(),
-        rp.WorldRegion.from_points(demo.points[members]).seen_from(np.zeros(3)),
+        rp.WorldRegion.from_points(demo.points[members]).with_viewpoint(np.zeros(3)),
         rp.ImageRegion.from_polygon([[10, 10], [110, 10], [110, 60], [10, 60]], hidden_edges=[1]),
         rp.ImageRegion.from_mask(np.pad(np.ones((20, 30)), 5)),
         rp.solve.Alternative(pose, np.eye(6), 0.5, 0.5, 0.1, np.zeros(2)),
@@ -182,7 +182,7 @@ def test_sampled_regions_give_the_same_answer_after_copying(way: str) -> None:
 def test_a_region_keeps_its_own_of_what_it_was_made_from() -> None:
     ring = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
     viewpoint = np.array([0.0, 0.0, 1.0])
-    region = rp.WorldRegion.from_polygon(ring).seen_from(viewpoint)
+    region = rp.WorldRegion.from_polygon(ring).with_viewpoint(viewpoint)
     ring[:], viewpoint[:] = 9.0, -1.0
     assert COPIES["pickle"](region).viewpoint.tolist() == [0.0, 0.0, 1.0]
     assert COPIES["pickle"](region).area == 2.0

@@ -14,7 +14,7 @@ import regionpose as rp
 from PIL import Image
 from regionpose.io.clouds import CloudError
 from regionpose.io.reading import read_array, read_pixels
-from regionpose.regions.outline import sparse_sampling_told_to
+from regionpose.regions.outline import sparse_sampling_handler
 
 PACKAGE = Path(rp.__file__).parent
 
@@ -80,7 +80,7 @@ def test_who_asks_is_told_in_the_own_thread_alone() -> None:
     ready = threading.Barrier(2)
 
     def work(name: str) -> None:
-        with sparse_sampling_told_to(told[name].append):
+        with sparse_sampling_handler(told[name].append):
             ready.wait()
             if name == "first":
                 rp.WorldRegion.from_points(SPARSE)

@@ -159,7 +159,7 @@ def test_holes_have_lists_of_their_own_and_pickles_keep_them() -> None:
     image = pickle.loads(pickle.dumps(rp.ImageRegion.from_polygon([outer, hole], hidden_edges=[[1, 2], [0]])))
     assert [marks.sum() for marks in image.hidden] == [2, 1]
     assert [len(line) for line in image.hidden_bearings(CAMERAS["pinhole"])] == [3, 2]
-    assert [marks.sum() for marks in image.foreign_edges(CAMERAS["pinhole"])] == [4, 1], (
+    assert [marks.sum() for marks in image.excluded_edges(CAMERAS["pinhole"])] == [4, 1], (
         "two sides are the image's border"
     )
     outline = rp.ImageRegion.from_polygon([outer, hole], hidden_edges=[3])

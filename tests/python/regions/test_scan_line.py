@@ -109,7 +109,7 @@ def test_many_places_leave_those_at_the_ends() -> None:
 
 
 def test_it_survives_pickling_and_is_seen_from_anywhere() -> None:
-    region = line_region().seen_from([0, 0, 0])
+    region = line_region().with_viewpoint([0, 0, 0])
     again = pickle.loads(pickle.dumps(region))
     assert again.is_line and "is_line=True" in repr(again)
     for given, kept in zip(region.samples or (), again.samples, strict=True):

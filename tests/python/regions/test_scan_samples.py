@@ -152,7 +152,7 @@ def test_what_a_region_encloses_counts_where_its_image_has_a_hole() -> None:
 
 
 def test_samples_survive_pickling_and_viewpoints() -> None:
-    region = board_region(board_scan(), sensor_origin=[0, 0, 0]).seen_from([0, 0, 0])
+    region = board_region(board_scan(), sensor_origin=[0, 0, 0]).with_viewpoint([0, 0, 0])
     again = pickle.loads(pickle.dumps(region))
     assert region.samples is not None
     for given, kept in zip(region.samples, again.samples, strict=True):

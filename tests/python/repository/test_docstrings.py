@@ -31,7 +31,7 @@ MAIN_METHODS = (
     "WorldRegion.from_polygons",
     "WorldRegion.from_samples",
     "WorldRegion.from_scan",
-    "WorldRegion.seen_from",
+    "WorldRegion.with_viewpoint",
 )
 """Methods that README's main path goes through."""
 

@@ -258,10 +258,10 @@ def test_what_was_assumed_is_in_the_result(pair: Path) -> None:
     result = scene_result(estimate_scene(load_scene(write_scene(pair, prior=None))))
     assert result["edge_search"]["assumed"] == ["camera_near", "camera_near_sigma_m"]
     assert result["edge_search"]["prior"]["camera_near_m"] == [0.0, 0.0, 0.0]
-    assert result["camera_near"] == {"place_in_world_m": [0.0, 0.0, 0.0], "sigma_m": 0.5, "said_by": "assumption"}
+    assert result["camera_near"] == {"place_in_world_m": [0.0, 0.0, 0.0], "sigma_m": 0.5, "source": "assumption"}
     known = scene_result(estimate_scene(load_scene(write_scene(pair, prior=None, sensor_origin=[0.0, 0.0, 0.0]))))
     assert known["edge_search"]["assumed"] == ["camera_near_sigma_m"]
-    assert known["camera_near"]["said_by"] == "sensor_origin"
+    assert known["camera_near"]["source"] == "sensor_origin"
     assert known["camera_near"]["sigma_m"] == known["edge_search"]["prior"]["camera_near_sigma_m"] == 0.5
 
 

@@ -48,9 +48,9 @@ def result_of(values: dict[str, Any], folder: Path) -> dict[str, Any]:
 def test_up_and_a_viewpoint_leave_one_pose(shift: tuple[float, float, float], tmp_path: Path) -> None:
     viewpoint = (np.array([0.3, 0.2, -2.0]) + shift).tolist()
     assert len(result_of(poster(shift=shift), tmp_path)["alternatives"]) == 3
-    assert len(result_of(poster(shift=shift, seen_from=viewpoint), tmp_path)["alternatives"]) == 1
+    assert len(result_of(poster(shift=shift, viewpoint=viewpoint), tmp_path)["alternatives"]) == 1
     up = {"up": [0.0, -1.0, 0.0], "up_sigma_deg": 10}
-    result = result_of(poster(up, shift, seen_from=viewpoint), tmp_path)
+    result = result_of(poster(up, shift, viewpoint=viewpoint), tmp_path)
     assert result["alternatives"] == [] and codes_of(result) <= WEAK
     np.testing.assert_allclose(result["camera_center_in_world_m"], POSE.camera_center + shift, atol=1e-5)
 
@@ -84,11 +84,11 @@ def scanned(folder: Path, shift: tuple[float, float, float] = (0.0, 0.0, 0.0), *
 def test_the_camera_is_taken_to_be_near_the_scanner(shift: tuple[float, float, float], tmp_path: Path) -> None:
     place = POSE.camera_center + np.array([0.3, 0.0, 0.0]) + shift
     result = scanned(tmp_path, shift)
-    assert result["sensor_origin"]["said_by"] == "the cloud's file"
+    assert result["sensor_origin"]["source"] == "the cloud's file"
     np.testing.assert_allclose(result["sensor_origin"]["place_in_world_m"], place, atol=1e-9)
     near = result["camera_near"]
     assert near["place_in_world_m"] == result["sensor_origin"]["place_in_world_m"]
-    assert (near["sigma_m"], near["said_by"]) == (2.0, "sensor_origin")
+    assert (near["sigma_m"], near["source"]) == (2.0, "sensor_origin")
     # The poster's other poses are 2 and 8 m away: too near for 2 m to tell.
     strict = scanned(tmp_path, shift, prior={"camera_near_sigma_m": 0.2})
     assert strict["camera_near"]["sigma_m"] == 0.2 and not strict["alternatives"]
@@ -100,7 +100,7 @@ def test_the_scene_says_where_the_scanner_stood_and_whether_the_camera_is_near(t
     elsewhere = scanned(tmp_path, sensor_origin=[5.0, 0.0, -2.0])
     assert elsewhere["sensor_origin"] == {
         "place_in_world_m": [5.0, 0.0, -2.0],
-        "said_by": "the scene's sensor_origin",
+        "source": "the scene's sensor_origin",
     }
     unknown = scanned(tmp_path, sensor_origin=None)
     assert unknown["sensor_origin"] is None and unknown["camera_near"] is None
@@ -111,7 +111,7 @@ def test_the_scene_says_where_the_scanner_stood_and_whether_the_camera_is_near(t
     assert given["camera_near"] == {
         "place_in_world_m": [0.0, 1.0, -3.0],
         "sigma_m": 5.0,
-        "said_by": "prior.camera_near",
+        "source": "prior.camera_near",
     }
 
 
@@ -146,7 +146,7 @@ def test_a_contradicted_prior_makes_a_pose_doubtful(prior: dict[str, Any], code:
 
 def test_a_contradicted_side_names_its_region(tmp_path: Path) -> None:
     values = scene_values()
-    values["regions"][0]["world"]["seen_from"] = [0.0, 0.0, 3.0]
+    values["regions"][0]["world"]["viewpoint"] = [0.0, 0.0, 3.0]
     run = estimate_scene(load_scene(write_scene(tmp_path, values)))
     assert [warning["code"] for warning in scene_result(run)["warnings"]] == ["side-contradicted"]
     assert verdict(run).remarks[0][0].startswith("region 0 (floor) is seen from behind")
@@ -171,8 +171,8 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     (poster({"camera_near_sigma_m": -1}), r"prior\.camera_near_sigma_m: found -1; needed greater than 0"),
     ({**poster(), "sensor_origin": "zero"}, r"sensor_origin: found 'zero'; needed \[x, y, z\]"),
     (poster({"up": [0.0, 0.0, 0.0]}), r"prior: up is a zero vector; it needs to be a direction"),
-    (poster(seen_from=[1.0, 2.0]), r"regions\[0\]\.world\.seen_from: found 2 numbers; needed \[x, y, z\]"),
-    (poster(seen_from=[3.0, 0.0, 0.0]), r"regions\[0\]\.world\.seen_from: the viewpoint is .* off the region's plane"),
+    (poster(viewpoint=[1.0, 2.0]), r"regions\[0\]\.world\.viewpoint: found 2 numbers; needed \[x, y, z\]"),
+    (poster(viewpoint=[3.0, 0.0, 0.0]), r"regions\[0\]\.world\.viewpoint: the viewpoint is .* off the region's plane"),
 ]
 
 

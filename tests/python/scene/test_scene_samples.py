@@ -112,9 +112,9 @@ def test_map_coordinates_lose_no_sample(tmp_path: Path) -> None:
 def test_segmented_regions_keep_their_options(tmp_path: Path) -> None:
     from regionpose.cli.segment import _scene_writers
 
-    world = {"points": "labels.npy", "label": 0, "seen_from": SCANNER.tolist(), "radius_m": 0.2}
+    world = {"points": "labels.npy", "label": 0, "viewpoint": SCANNER.tolist(), "radius_m": 0.2}
     scene = load_scene(scanned(tmp_path, {"floor": world}, sensor_origin=SCANNER.tolist()))
     writers = _scene_writers(scene, scene_sides(scene), tmp_path / "out")
     writers["scene.yaml"](tmp_path / "again.yaml")
     text = (tmp_path / "again.yaml").read_text(encoding="utf-8")
-    assert "radius_m: 0.2" in text and "seen_from" in text
+    assert "radius_m: 0.2" in text and "viewpoint" in text

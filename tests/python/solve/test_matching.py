@@ -302,8 +302,8 @@ def test_what_is_seen_from_behind_has_no_partner() -> None:
     front, back = [], []
     for world in worlds:
         middle = world.rings[0].mean(axis=0)
-        front.append(world.seen_from(camera_center))
-        back.append(world.seen_from(middle + (middle - camera_center)))
+        front.append(world.with_viewpoint(camera_center))
+        back.append(world.with_viewpoint(middle + (middle - camera_center)))
     matches = rp.match_regions(scene.camera, images, [*back, *front])
     assert matches.pairs == tuple((index, index + REGIONS) for index in range(REGIONS))
     assert matches.unmatched_world == tuple(range(REGIONS)) and not matches.alternatives

@@ -117,7 +117,7 @@ def is_true(pose: rp.Pose) -> bool:
 
 @pytest.mark.parametrize("driver", ["scipy", "native"])
 def test_up_and_the_visible_side_leave_one_pose_of_a_rectangle(driver: str) -> None:
-    front = WORLD.seen_from([0.0, 0.0, -1.0])
+    front = WORLD.with_viewpoint([0.0, 0.0, -1.0])
     assert [len(seen(world, driver=driver).alternatives) for world in (WORLD, front)] == [3, 1]
     assert len(seen(WORLD, driver=driver, up=[0.0, -1.0, 0.0], up_sigma_deg=10.0).alternatives) == 1
     estimate = seen(front, driver=driver, up=[0.0, -1.0, 0.0])
@@ -241,13 +241,13 @@ def test_a_pose_that_shows_the_other_side_is_warned_of() -> None:
     image = rp.ImageRegion.from_polygon(CAMERA.project(POSE.transform(ring)))
     world = rp.WorldRegion.from_polygon(ring)
     for height, expected in ((-2.0, []), (2.0, ["side-contradicted"])):
-        estimate = rp.estimate_pose(CAMERA, [image], [world.seen_from([0.0, 0.0, height])])
+        estimate = rp.estimate_pose(CAMERA, [image], [world.with_viewpoint([0.0, 0.0, height])])
         assert [warning.code for warning in estimate.warnings] == expected
         assert is_true(estimate.pose)
 
 
 def test_batches_and_pickles_know_the_viewpoint() -> None:
-    front = pickle.loads(pickle.dumps(WORLD.seen_from([0.0, 0.5, -1.0])))
+    front = pickle.loads(pickle.dumps(WORLD.with_viewpoint([0.0, 0.5, -1.0])))
     assert np.array_equal(front.viewpoint, [0.0, 0.5, -1.0]) and WORLD.viewpoint is None
     image = rp.ImageRegion.from_polygon(CAMERA.project(POSE.transform(POSTER)))
     [free, told] = rp.estimate_poses([(CAMERA, [image], [WORLD]), (CAMERA, [image], [front])])
@@ -258,7 +258,7 @@ def test_batches_and_pickles_know_the_viewpoint() -> None:
 def test_a_viewpoint_of_a_mesh_is_kept_by_pickling() -> None:
     bent = np.vstack([POSTER, [0.0, 0.0, -0.2]])
     mesh = _Mesh(bent, np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]))
-    region = rp.WorldRegion.from_mesh(mesh).seen_from([0.0, 0.0, -3.0])
+    region = rp.WorldRegion.from_mesh(mesh).with_viewpoint([0.0, 0.0, -3.0])
     assert not region.is_planar
     assert np.array_equal(pickle.loads(pickle.dumps(region)).viewpoint, [0.0, 0.0, -3.0])
 

@@ -21,7 +21,7 @@ PIECE_POINTS = 1 << 18
 WHITE_SPACE = (b"\n", b" ", b"\r", b"\t")
 
 
-class ToldFile(io.RawIOBase):
+class ProgressFile(io.RawIOBase):
     """A file from byte `offset` on that tells `progress` which share of it is read."""
 
     def __init__(self, path: Path, offset: int, progress: Progress | None) -> None:
@@ -51,7 +51,7 @@ def file_bytes(path: Path, offset: int = 0, *, progress: Progress | None = None)
     """The bytes of a file from `offset` on."""
     data = np.empty(max(0, path.stat().st_size - offset), dtype=np.uint8)
     at = 0
-    with ToldFile(path, offset, progress) as file:
+    with ProgressFile(path, offset, progress) as file:
         while count := file.readinto(data[at:]):
             at += count
     return data[:at]
@@ -60,7 +60,7 @@ def file_bytes(path: Path, offset: int = 0, *, progress: Progress | None = None)
 def file_words(path: Path, offset: int, *, progress: Progress | None = None) -> Iterator[bytes]:
     """The text of a file from byte `offset` on, in pieces that end between words."""
     rest = b""
-    with ToldFile(path, offset, progress) as file:
+    with ProgressFile(path, offset, progress) as file:
         while piece := file.read(PIECE_BYTES):
             rest += piece
             end = max(rest.rfind(mark) for mark in WHITE_SPACE) + 1

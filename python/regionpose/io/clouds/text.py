@@ -16,7 +16,7 @@ from numpy.typing import DTypeLike, NDArray
 from regionpose.io.clouds.cloud import Cloud
 from regionpose.io.clouds.columns import COORDINATES, cloud_of_table
 from regionpose.io.clouds.errors import cloud_error
-from regionpose.io.clouds.pieces import ToldFile
+from regionpose.io.clouds.pieces import ProgressFile
 from regionpose.io.reading import BOM, whole_number
 from regionpose.progress import Progress
 
@@ -63,7 +63,7 @@ def rows_of_text(
     if not _has_rows(path, offset, skip):
         # numpy warns of it; it is an error of the caller's own.
         return np.empty(0 if structured else (0, 1), dtype=kind)
-    with io.BufferedReader(ToldFile(path, offset, progress)) as file:
+    with io.BufferedReader(ProgressFile(path, offset, progress)) as file:
         text = io.TextIOWrapper(file, encoding="latin-1")
         try:
             return np.loadtxt(

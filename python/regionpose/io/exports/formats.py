@@ -96,7 +96,7 @@ def _opencv_coefficients(camera: PinholeCamera | FisheyeCamera) -> Array:
 
 
 def _colmap(view: ExportedView) -> Files:
-    camera, image = view.known_camera("COLMAP"), view.known_image("COLMAP")
+    camera, image = view.required_camera("COLMAP"), view.required_image("COLMAP")
     model, _, _, parameters = camera_to_colmap(camera)
     x, y, z, w = view.pose.rotation.as_quat(canonical=True)
     placed = _row([w, x, y, z, *view.pose.translation])
@@ -111,7 +111,7 @@ def _corner_intrinsics(camera: PinholeCamera | FisheyeCamera) -> list[float]:
 
 
 def _nerfstudio(view: ExportedView) -> Files:
-    camera, image = view.known_camera("nerfstudio"), view.known_image("nerfstudio")
+    camera, image = view.required_camera("nerfstudio"), view.required_image("nerfstudio")
     model = camera_to_colmap(camera)[0]
     assert isinstance(camera, PinholeCamera | FisheyeCamera)
     fx, fy, cx, cy = _corner_intrinsics(camera)
@@ -135,7 +135,7 @@ KALIBR_MODELS: dict[type[Camera], str] = {PinholeCamera: "pinhole", FisheyeCamer
 
 
 def _kalibr(view: ExportedView) -> Files:
-    camera = view.known_camera("Kalibr")
+    camera = view.required_camera("Kalibr")
     if isinstance(camera, OcamCamera) or not isinstance(camera, PinholeCamera | FisheyeCamera | UnifiedCamera):
         raise ValueError(f"Kalibr: found a {type(camera).__name__}; needed a pinhole, fisheye or unified camera")
     fisheye = isinstance(camera, FisheyeCamera)
@@ -192,7 +192,7 @@ def _meshlab(view: ExportedView) -> Files:
 
 def _undistorted(view: ExportedView, tool: str) -> PinholeCamera:
     """The camera of a tool that knows no distortion; ValueError for one that has some."""
-    camera = view.known_camera(tool)
+    camera = view.required_camera(tool)
     if not isinstance(camera, PinholeCamera):
         raise ValueError(f"{tool}: found a {type(camera).__name__}; needed a pinhole camera")
     if any(camera.distortion):

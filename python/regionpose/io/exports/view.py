@@ -54,7 +54,7 @@ class ExportedView:
         turn = Rotation.from_matrix(BODY_FROM_OPTICAL.T if self.body else np.eye(3))
         return inverse.rotation * turn, inverse.translation
 
-    def known_camera(self, tool: str) -> Camera:
+    def required_camera(self, tool: str) -> Camera:
         """The camera with its size; ValueError where it isn't known."""
         if self.camera is None:
             raise ValueError(f"{tool} wants the camera, too: found none; needed --camera")
@@ -62,7 +62,7 @@ class ExportedView:
             raise ValueError(f"{tool} wants the image's size: found a camera without it; needed width and height")
         return self.camera
 
-    def known_image(self, tool: str) -> str:
+    def required_image(self, tool: str) -> str:
         """The photo's name; ValueError where it isn't known."""
         if self.image is None:
             raise ValueError(f"{tool} wants the photo's name, too: found none; needed --image")

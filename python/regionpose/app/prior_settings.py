@@ -28,7 +28,7 @@ OF_INITIAL = ("initial", "initial_rotation_sigma_deg", "initial_center_sigma_m")
 
 
 @dataclass(frozen=True)
-class Known:
+class PriorSettings:
     """What is known, None where it isn't: the place that the camera stands near (meters), the direction that it looks
     along and the one that is up in the photo, each with a standard deviation.
 
@@ -44,7 +44,7 @@ class Known:
     up_sigma_deg: float | None = None
 
     @classmethod
-    def of(cls, prior: Mapping[str, Any]) -> Known:
+    def of(cls, prior: Mapping[str, Any]) -> PriorSettings:
         """What a scene's `prior` says."""
         pose = initial_pose(prior)
         near = prior.get("camera_near")
@@ -80,7 +80,7 @@ class Known:
     def _initial(self, before: Mapping[str, Any], scanner: Array | None) -> dict[str, Any]:
         if self.ahead is None:
             return {}
-        ahead, held = np.array(_unit("direction of view", self.ahead)), Known.of(before)
+        ahead, held = np.array(_unit("direction of view", self.ahead)), PriorSettings.of(before)
         if held.ahead is not None and np.abs(ahead - np.array(_unit("", held.ahead))).max() <= SAME_DIRECTION:
             kept = {key: before[key] for key in OF_INITIAL if key in before}
             if self.ahead_sigma_deg == held.ahead_sigma_deg and self.near == held.near:

@@ -52,7 +52,7 @@ class Served:
     media: str
 
 
-class Desk:
+class SharedSession:
     """A session and what its pages show of it. Every method may be called from any thread."""
 
     def __init__(self, session: Session) -> None:

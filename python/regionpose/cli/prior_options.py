@@ -44,7 +44,7 @@ Mounts = Annotated[
 ]
 
 
-class Known(NamedTuple):
+class PriorOptions(NamedTuple):
     """The options, read: a place and how near the camera is to it, a direction, mounts by camera, and the scanner's
     place.
 
@@ -58,7 +58,7 @@ class Known(NamedTuple):
     origin: list[float] | None
 
     @classmethod
-    def of(cls, near: str | None, up: str | None, mounts: Sequence[str], origin: str | None) -> Known:
+    def of(cls, near: str | None, up: str | None, mounts: Sequence[str], origin: str | None) -> PriorOptions:
         """What the words say; ValueError that names the option."""
         from regionpose.solve.prior import AXES
 
