@@ -84,7 +84,7 @@ class User:
     def _cloud(self, labels: NDArray[np.int64]) -> None:
         ring = around(self.view.pixels(self.session.cloud.local_points[labels]))
         self.clicks += 1
-        self.session.cut_cloud(lambda points: self.view.inside(ring, points), self.view.shown)
+        self.session.cut_cloud(lambda points: self.view.inside(ring, points), self.view.visible_points)
 
 
 class Drawing(NamedTuple):

@@ -23,11 +23,11 @@ def overlay_poses(outcome: Outcome) -> dict[str, Pose]:
     """The poses `camera_from_world` at which the cloud is drawn, by the pictures' names: that of the outcome and,
     unless it is trusted, the next likeliest one.
     """
-    if outcome.run is None or outcome.judged is None:
+    if outcome.run is None or outcome.verdict is None:
         return {}
     estimate = outcome.run.estimate
     poses = {AT_POSE: estimate.pose}
-    if outcome.judged.level != TRUSTED and estimate.alternatives:
+    if outcome.verdict.level != TRUSTED and estimate.alternatives:
         poses[AT_RUNNER_UP] = estimate.alternatives[0].pose
     return poses
 

@@ -18,7 +18,7 @@ REGION_KEYS = ("regions", "image_regions", "world_regions")
 
 
 def without_regions(values: Mapping[str, Any]) -> dict[str, Any]:
-    """What a scene file says, or a frame of it, without its regions."""
+    """The values of a scene file, or of one of its frames, without its regions."""
     return {key: value for key, value in values.items() if key not in REGION_KEYS}
 
 

@@ -72,11 +72,11 @@ def toggle(options: dict[Any, str], value: object, action: Callable[[], Any]) ->
     return buttons.props("dense unelevated no-caps size=12.5px color=grey-2 text-color=grey-8 toggle-color=blue-7")
 
 
-def say(message: str) -> None:
-    """Say that something is done."""
+def notify(message: str) -> None:
+    """Notify the user of what is done."""
     ui.notify(message, type="positive", position=TOASTS)
 
 
 def complain(message: str) -> None:
-    """Say what went wrong, long enough to be read."""
+    """Show an error message, long enough to be read."""
     ui.notify(message, type="negative", position=TOASTS, multi_line=True, timeout=7000, close_button="OK")

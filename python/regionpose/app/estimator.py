@@ -33,8 +33,8 @@ EDGE_STAGES = {
 
 @dataclass
 class Running:
-    """One estimate: which of its stages, how much of that is done where this is known, since when, and whether anybody
-    waits for it. `titles`: what stages are called.
+    """One estimate: which of its stages, how much of that is done where this is known, since when, and whether
+    it is still wanted. `titles`: what stages are called.
     """
 
     titles: dict[str, str] = field(default_factory=lambda: STAGES)
@@ -45,15 +45,15 @@ class Running:
     ended: bool = False
 
     def begin(self, stage: str) -> None:
-        """Take note of a stage."""
+        """Record the stage."""
         self.stage, self.share = stage, None
 
     def progress(self, share: float) -> None:
-        """Take note of the share of the stage that is done."""
+        """Record the fraction of the stage that is done."""
         self.share = share
 
     @property
-    def said(self) -> str:
+    def status(self) -> str:
         """The stage, the share of it that is done, and the seconds since the start; nothing where it has ended or
         was canceled.
         """
@@ -85,15 +85,15 @@ class Estimator:
     @property
     def stage(self) -> str:
         """What the estimate that runs does, and for how long it has run; nothing where none runs."""
-        return self._running.said
+        return self._running.status
 
     def begin(self) -> None:
-        """Estimate the session as it is then once no edit comes for a moment; nobody waits for what runs."""
+        """Estimate the session once no edit has come for a moment; cancel the estimate that runs."""
         self._running.is_wanted = False
         self._wake.set()
 
     def abandon(self) -> bool:
-        """Wait no longer for the estimate that runs; whether there was one."""
+        """Cancel the estimate that runs; return whether there was one."""
         running = self._running
         found = running.is_wanted and not running.ended
         running.is_wanted = False
@@ -132,29 +132,29 @@ class Estimator:
         except UnwantedError:
             pass
         except ValueError as error:
-            self._tell(running, Outcome("failed", str(error), searches_edges=by_edges))
+            self._publish(running, Outcome("failed", str(error), searches_edges=by_edges))
         except Exception as error:
             # The page would wait for ever for a worker that is gone.
-            self._tell(running, Outcome("failed", f"{type(error).__name__}: {error}", searches_edges=by_edges))
+            self._publish(running, Outcome("failed", f"{type(error).__name__}: {error}", searches_edges=by_edges))
         finally:
             running.ended = True
 
     def _of_edges(self, session: Session, values: dict[str, Any], running: Running) -> None:
-        """Tell the pose by edges; that of the same photos, clouds and prior is not searched for again."""
+        """Publish the pose by edges; that of the same photos, clouds and prior is not searched for again."""
         if self._by_edges is None or self._by_edges[0] != values:
             self._by_edges = (values, session.estimate_edges(values, Stages(running.begin, running.progress)))
-        self._tell(running, Outcome.of(self._by_edges[1], []))
+        self._publish(running, Outcome.of(self._by_edges[1], []))
 
     def _in_stages(self, session: Session, running: Running) -> None:
-        """Tell the pose of the regions as soon as it is there, and then that of the whole scene."""
+        """Publish the regions' pose as soon as it is there, and then that of the whole scene."""
         stages = Stages(running.begin)
         run = session.estimate_regions(stages)
         keys, goes_on = session.keys_of(run.sides.names), uses_edges(run)
-        self._tell(running, Outcome.of(run, keys, "regions" if goes_on else "ready"))
+        self._publish(running, Outcome.of(run, keys, "regions" if goes_on else "ready"))
         if goes_on:
-            self._tell(running, Outcome.of(with_edges(run, stages), keys))
+            self._publish(running, Outcome.of(with_edges(run, stages), keys))
 
-    def _tell(self, running: Running, outcome: Outcome) -> None:
+    def _publish(self, running: Running, outcome: Outcome) -> None:
         with self._lock:
             if running.is_wanted:
                 self._show(outcome)

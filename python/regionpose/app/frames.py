@@ -38,7 +38,7 @@ class Frames:
     """
 
     def __init__(self, path: Path, shared: Plain, frames: list[Plain]) -> None:
-        """Take what the scene file says of all frames, and of each; ValueError without any."""
+        """Take the scene file's values for all frames and for each; ValueError without any frame."""
         if not frames:
             raise ValueError(f"{path}: found no frame; needed a photo with a cloud")
         self.path, self._shared, self._frames = path, shared, frames
@@ -56,18 +56,18 @@ class Frames:
     @classmethod
     def of_folder(cls, folder: Path, camera: Path | None) -> Frames:
         """Those of a folder of pairs, after what its scene file holds of them already; SceneError as of `folder_pairs`,
-        and where nothing says which camera it is.
+        and where nothing identifies the camera.
         """
         path = folder / SCENE_FILE
         held = cls.of_scene(path) if path.is_file() else None
         shared = {} if held is None else dict(held._shared)
         frames = [] if held is None else list(held._frames)
-        known = {frame["name"] for frame in frames}
+        names = {frame["name"] for frame in frames}
         for pair in folder_pairs(folder)[0]:
-            said = {} if pair.document is None else moved(pair.held, pair.document.path.parent, folder)
-            own = {key: value for key, value in said.items() if key not in SHARED}
-            shared |= {key: value for key, value in said.items() if key in SHARED and key not in shared}
-            if pair.name not in known:
+            values = {} if pair.document is None else moved(pair.held, pair.document.path.parent, folder)
+            own = {key: value for key, value in values.items() if key not in SHARED}
+            shared |= {key: value for key, value in values.items() if key in SHARED and key not in shared}
+            if pair.name not in names:
                 cloud = {} if pair.cloud is None else {"cloud": relative(pair.cloud, folder)}
                 frames.append({**own, "name": pair.name, "image": relative(pair.photo, folder), **cloud})
         if camera is not None:
@@ -97,7 +97,7 @@ class Frames:
             self._sensors[index] = (session.image, session.camera, session.cloud)
         before = self._sessions.get(self.index)
         if before is not None and before is not session:
-            # What is known of the pose is known of all frames.
+            # The prior holds for all frames.
             kept = {key: held for key, held in session.base.items() if key not in SHARED}
             shared = {key: before.base[key] for key in SHARED if key in before.base}
             session.sketch = replace(session.sketch, base={**shared, **kept})
@@ -119,7 +119,7 @@ class Frames:
 
     @property
     def _of_rig(self) -> Plain:
-        """What the scene file says of all frames."""
+        """The scene file's values for all frames."""
         current = self._sessions.get(self.index)
         base = self._shared if current is None else current.base
         return {key: base[key] for key in SHARED if key in base}

@@ -1,4 +1,4 @@
-"""Who may talk to the picking page: this computer's browser that was given the token, and nobody else."""
+"""Access control of the picking page: only a browser of this computer that has the token."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ class Guard:
     was exchanged for, ask for a path of the list, and be small. The token in that address works once.
     """
 
-    def __init__(self, app: App, port: int, say: Callable[[str], object] = print) -> None:
+    def __init__(self, app: App, port: int, show_address: Callable[[str], object] = print) -> None:
         """Guard an application that listens at `port` of this computer alone.
 
-        `say` is told the next address when the last one is used again, by another browser of the same user.
+        `show_address` is called with the next address when the last one is used again, by another browser of the user.
         """
-        self.app, self._say, self._port = app, say, port
-        self._token, self._spent, self._is_said = _secret(), set[str](), True
+        self.app, self._show_address, self._port = app, show_address, port
+        self._token, self._spent, self._is_shown = _secret(), set[str](), True
         self._hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
         self._cookie, self._key = f"regionpose_{port}", _secret()
 
@@ -93,12 +93,12 @@ class Guard:
         return held is not None and _same(held.value, self._key)
 
     def _unknown(self, token: str) -> str:
-        """Why a browser without the cookie is refused, which is told the next address where it knew the last one."""
+        """The reason to refuse a browser without the cookie; prints the next address where it used the last one."""
         if token not in self._spent:
             return "the address needs the token that `regionpose pick` printed"
-        if not self._is_said:
-            self._is_said = True
-            self._say(self.address)
+        if not self._is_shown:
+            self._is_shown = True
+            self._show_address(self.address)
         return "this address has been used; needed the next one, which `regionpose pick` printed just now"
 
     def _is_first(self, scope: Scope) -> bool:
@@ -113,7 +113,7 @@ class Guard:
         """
         if _same(token, self._token):
             self._spent.add(token)
-            self._token, self._is_said = _secret(), False
+            self._token, self._is_shown = _secret(), False
         cookie = f"{self._cookie}={self._key}; Path=/; HttpOnly; SameSite=Strict"
         headers = [(b"content-type", b"text/html"), (b"set-cookie", cookie.encode()), (b"cache-control", b"no-store")]
         headers.append((b"referrer-policy", b"no-referrer"))
@@ -168,7 +168,7 @@ def _is_served(scope: Scope) -> bool:
 
 
 def _bounded(receive: Receive) -> Receive:
-    """Receiving that ends a request whose body is larger than it said it was."""
+    """A receiver that ends a request whose body is larger than announced."""
     taken = 0
 
     async def bounded() -> Message:

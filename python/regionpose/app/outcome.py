@@ -1,4 +1,4 @@
-"""What the page says of the pose that edges or the regions give so far."""
+"""The state of the pose that edges or regions give so far, for the page."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Outcome:
     """The last estimate, or why there is none.
 
     `state`: "empty" without anything that a pose comes from; "busy", `run` being that of earlier regions, if any;
-    "regions", `run` being by the regions alone and edges being looked at; "stopped", nobody having waited
+    "regions", `run` being by the regions alone and edges being looked at; "stopped", the user having canceled
     for that; "ready" or "failed". `searches_edges`: whether the pose comes, or is to come, from edges without regions.
     `message`: what went wrong. `run`: the estimate.
     `projected`: by the regions' keys, outlines in the photo as lines of pixels. `fits`: how each region fits, by key.
@@ -29,7 +29,7 @@ class Outcome:
     state: str = "empty"
     message: str = ""
     run: SceneEstimate | None = None
-    judged: Verdict | None = None
+    verdict: Verdict | None = None
     projected: dict[int, Lines] = field(default_factory=dict)
     fits: dict[int, Fit] = field(default_factory=dict)
     searches_edges: bool = False

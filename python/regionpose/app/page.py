@@ -11,7 +11,7 @@ import numpy as np
 from nicegui import run, ui
 from nicegui.events import KeyEventArguments
 
-from regionpose.app.elements import CloudView, PictureView, complain, say, small_button, toggle
+from regionpose.app.elements import CloudView, PictureView, complain, notify, small_button, toggle
 from regionpose.app.frames import Frames, FrameSession
 from regionpose.app.parts import Picked
 from regionpose.app.prior_dialog import PriorDialog, UpChoice
@@ -44,7 +44,7 @@ class Page:
 
     def __init__(self, shared: SharedSession) -> None:
         """Build the page."""
-        self.shared, self.shown, self.mode, self._built_for = shared, -1, "click", shared.session
+        self.shared, self.revision_drawn, self.mode, self._built_for = shared, -1, "click", shared.session
         ui.add_css(STYLE)
         ui.page_title(f"{shared.session.path.name} · regionpose pick")
         with ui.element("div").classes("rp"):
@@ -193,9 +193,9 @@ class Page:
         self.stop.set_visibility(bool(stage))
         self.again.set_visibility(not stage and self.shared.outcome.state == "stopped")
         stamp = self.shared.revision
-        if stamp == self.shown:
+        if stamp == self.revision_drawn:
             return
-        self.shown = stamp
+        self.revision_drawn = stamp
         session = self.session
         edited = " · not saved" if session.can_save else ""
         self.file.set_content(f"<b>{escape(session.path.name)}</b>{edited}")
@@ -235,10 +235,10 @@ class Page:
         self.solid.show(colors=f"files/colors.bin{stamp}", shapes=self.shared.solid_shapes())
         self.cloud_hint.set_content(cloud_hint(self.selected, self.cloud_modes.value == "cut"))
 
-    def _show_rows(self, *, anew: bool = False) -> None:
+    def _show_rows(self, *, rebuild: bool = False) -> None:
         regions, pairs = self.session.regions, len(self.session.pairs)
         self.count.set_content(f"{pairs} of {len(regions)} paired" if regions else "")
-        self.rows.show(anew=anew)
+        self.rows.show(rebuild=rebuild)
 
     async def _click_photo(self, args: dict[str, Any]) -> None:
         again, pixel = bool(args.get("again")), _numbers(args, "x", "y")
@@ -280,20 +280,20 @@ class Page:
         view = self.photo if side == "image" else self.range
         await self._grow(view, "growing …", lambda session: session.choose(key, side, index))
 
-    async def _grow(self, view: PictureView | CloudView, saying: str, action: Callable[[Session], object]) -> None:
-        view.show(busy=saying)
+    async def _grow(self, view: PictureView | CloudView, message: str, action: Callable[[Session], object]) -> None:
+        view.show(busy=message)
         await self._edit(action)
         view.show(busy="")
 
     async def _edit(self, action: Callable[[Session], object]) -> bool:
-        """Do something to the session away from the page's own thread, and say what went wrong; whether nothing did."""
+        """Edit the session away from the page's own thread, and show errors; return whether there were none."""
         is_done = True
         try:
             await run.io_bound(self.shared.edit, action)
         except (ValueError, TypeError, KeyError) as error:
             complain(str(error))
-            is_done, self.shown = False, -1
-            self._show_rows(anew=True)  # A name that was refused goes.
+            is_done, self.revision_drawn = False, -1
+            self._show_rows(rebuild=True)  # A name that was refused goes.
         self._refresh()
         return is_done
 
@@ -302,7 +302,7 @@ class Page:
             written = await run.io_bound(self.shared.save)
             count = len(written or []) - 1
             masks = f" and {count} mask{'s' if count != 1 else ''}" if count else ""
-            say(f"Saved {self.session.path.name}{masks}")
+            notify(f"Saved {self.session.path.name}{masks}")
         except (ValueError, OSError) as error:
             complain(str(error))
         self._refresh()
@@ -361,7 +361,7 @@ class Page:
         elif key == "n":
             await self._new()
         elif key == "escape" and self.mode == self.cloud_modes.value == "click":
-            self.shared.stop()  # While somebody draws, it takes the corners back.
+            self.shared.stop()  # While the user draws, it takes the corners back.
         elif self.selected is not None:
             await self._key_of_region(self.selected, key)
 

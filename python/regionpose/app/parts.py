@@ -24,7 +24,7 @@ FULL = 255
 class ImagePart:
     """A region's side in the photo.
 
-    `written`: what the scene file says of it, without the name of a mask that was picked. `picked`: whether it is such
+    `written`: its values in the scene file, without the name of a mask that was picked. `picked`: whether it is such
     a mask, which `save` writes.
     """
 
@@ -68,9 +68,9 @@ class ImagePart:
 
 @dataclass(frozen=True, eq=False)
 class WorldPart:
-    """A region's side in the cloud: what the scene file says of it, and what that makes.
+    """A region's side in the cloud: its values in the scene file, and the region made of them.
 
-    `picked`: whether it says the indices of points, which `save` writes to a file of their own.
+    `picked`: whether it holds indices of points, which `save` writes to a file of their own.
     """
 
     written: dict[str, Any]

@@ -1,4 +1,4 @@
-"""The page's question what is known of the pose beforehand."""
+"""The page's dialog for the prior of the pose."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ UPWARD: dict[str, Triple] = {
 
 
 class PriorDialog:
-    """A button that says what is known of the pose beforehand, and the question behind it."""
+    """A button that shows the prior of the pose, and its dialog."""
 
     def __init__(self, shared: SharedSession, answered: Answered) -> None:
-        """Build the button and the dialog; `answered` is told what is known, and says whether it was taken."""
+        """Build the button and the dialog; `answered` gets the settings and returns whether they were accepted."""
         self._shared, self._answered = shared, answered
         self._button = ui.button(icon="explore", on_click=self._ask).props("flat dense no-caps size=12.5px")
         self._button.tooltip("What is known of the pose beforehand: place, direction of view, up").mark("prior")
@@ -49,7 +49,7 @@ class PriorDialog:
         self.show()
 
     def show(self) -> None:
-        """Say on the button what is known."""
+        """Show the prior on the button."""
         text = self._shared.session.prior_settings.text
         self._button.set_text(f"PriorSettings: {text}" if text else "PriorSettings beforehand …")
         self._button.props(f"color={'blue-8' if text else 'grey-8'}")
@@ -90,7 +90,7 @@ class PriorDialog:
 
 
 class UpChoice:
-    """A row of buttons that says which direction of the cloud's frame is up, where the pose comes from edges."""
+    """A row of buttons for the up direction in the cloud's frame, where the pose comes from edges."""
 
     def __init__(self, shared: SharedSession, answered: Answered) -> None:
         """Build the row; `answered` as of `PriorDialog`."""
@@ -104,12 +104,12 @@ class UpChoice:
 
     @property
     def _chosen(self) -> str | None:
-        """The button of what is known; None for another direction."""
+        """The button of the current up direction; None for another direction."""
         up = self._shared.session.prior_settings.up
         return NOT_KNOWN if up is None else next((name for name, axis in UPWARD.items() if axis == up), None)
 
     def show(self) -> None:
-        """Show what is known."""
+        """Show the current settings."""
         self._row.set_visibility(self._shared.session.searches_edges)
         self._choice.set_value(self._chosen)
 
@@ -123,7 +123,7 @@ class UpChoice:
 
 
 class _Vector:
-    """Three numbers and how well they are known."""
+    """Three numbers and their standard deviation."""
 
     def __init__(self, title: str, unit: str, within: str) -> None:
         ui.label(title).classes("rp-title").style("margin-top:8px")

@@ -1,4 +1,4 @@
-"""What somebody knows of the pose beforehand, as the page asks for it and as the scene file's `prior` says it."""
+"""The prior of the pose as the page edits it, and its conversion to the scene file's `prior`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NEAR_SIGMA_M = 2.0
 """Standard deviation of the camera's place along each axis where none is given, meters, as of the scene file."""
 
 AHEAD_SIGMA_DEG = 20.0
-"""Standard deviation of the direction of view where none is given: who points knows it to a hand's breadth."""
+"""Standard deviation of the direction of view where none is given: pointing by hand is about as accurate."""
 
 SAME_DIRECTION = 1e-6
 """Difference of two unit vectors up to which they are one: what is typed has six digits at the most."""
@@ -29,8 +29,8 @@ OF_INITIAL = ("initial", "initial_rotation_sigma_deg", "initial_center_sigma_m")
 
 @dataclass(frozen=True)
 class PriorSettings:
-    """What is known, None where it isn't: the place that the camera stands near (meters), the direction that it looks
-    along and the one that is up in the photo, each with a standard deviation.
+    """A prior, None where a part is not given: the place that the camera stands near (meters), the direction that it
+    looks along and the one that is up in the photo, each with a standard deviation.
 
     `is_anywhere`: the camera may stand anywhere, not even near the scanner.
     """
@@ -45,7 +45,7 @@ class PriorSettings:
 
     @classmethod
     def of(cls, prior: Mapping[str, Any]) -> PriorSettings:
-        """What a scene's `prior` says."""
+        """The settings of a scene's `prior`."""
         pose = initial_pose(prior)
         near = prior.get("camera_near")
         return cls(
@@ -59,9 +59,9 @@ class PriorSettings:
         )
 
     def prior(self, before: Mapping[str, Any], scanner: Array | None) -> dict[str, Any]:
-        """The `prior` that says this; an initial pose from before stays where the direction of view does.
+        """The scene's `prior` with these settings; an earlier initial pose stays where the direction of view does.
 
-        `scanner` (3,): where the camera stands about unless this says otherwise. ValueError for what is no direction,
+        `scanner` (3,): where the camera stands about unless the settings differ. ValueError for what is no direction,
         and for a direction of view from no place.
         """
         values: dict[str, Any] = {}
@@ -104,23 +104,23 @@ class PriorSettings:
 
     @property
     def text(self) -> str:
-        """What is known, for a button."""
-        said = []
+        """The settings as text, for a button."""
+        parts = []
         if self.is_anywhere:
-            said.append("stands anywhere")
+            parts.append("stands anywhere")
         elif self.near is not None or self.near_sigma_m is not None:
             where = "the scanner" if self.near is None else _written(self.near)
-            said.append(f"{length_text(self.near_sigma_m or NEAR_SIGMA_M)} about {where}")
+            parts.append(f"{length_text(self.near_sigma_m or NEAR_SIGMA_M)} about {where}")
         if self.ahead is not None:
             to = angle_text(self.ahead_sigma_deg or AHEAD_SIGMA_DEG, "°")
-            said.append(f"looks along {_written(self.ahead)} to {to}")
+            parts.append(f"looks along {_written(self.ahead)} to {to}")
         if self.up is not None:
-            said.append(f"up {_written(self.up)}")
-        return "; ".join(said)
+            parts.append(f"up {_written(self.up)}")
+        return "; ".join(parts)
 
 
 def _is_anywhere(prior: Mapping[str, Any]) -> bool:
-    """Whether a scene's `prior` says that the camera may stand anywhere: neither near a place nor near that of an
+    """Whether a scene's `prior` lets the camera stand anywhere: neither near a place nor near that of an
     initial pose.
     """
     return "camera_near" in prior and prior["camera_near"] is None and prior.get("initial_center_sigma_m") is None

@@ -44,7 +44,7 @@ SAME_SET = 0.95
 """Intersection over union from which two sets of points are one choice: a twentieth is what edges and noise make."""
 
 NEIGHBORS = 8
-"""Nearest points on the plane that are asked, and across which a patch is connected: those around a point."""
+"""Nearest points on the plane that are searched, and across which a patch is connected: those around a point."""
 
 NEAREST_AND_SELF = NEIGHBORS + 1
 

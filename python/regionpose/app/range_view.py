@@ -94,14 +94,14 @@ class RangeView:
     def of(cls, cloud: Cloud, place: Array, up: Array | None = None) -> RangeView:
         """The picture of a whole cloud from a place; `up`: the world's upward direction where it is known."""
         axes = _axes(cloud.local_points, place, up)
-        seen = _directions(cloud.local_points, place, axes)
-        cut = _widest_gap(seen.azimuth)
-        np.remainder(np.subtract(cut, seen.azimuth, out=seen.azimuth), 360.0, out=seen.azimuth)
-        top, bottom = np.percentile(seen.elevation, [100.0 - STRAYS, STRAYS])
-        across, down = float(seen.azimuth.max()) + 2 * MARGIN_DEG, float(top - bottom) + 2 * MARGIN_DEG
+        directions = _directions(cloud.local_points, place, axes)
+        cut = _widest_gap(directions.azimuth)
+        np.remainder(np.subtract(cut, directions.azimuth, out=directions.azimuth), 360.0, out=directions.azimuth)
+        top, bottom = np.percentile(directions.elevation, [100.0 - STRAYS, STRAYS])
+        across, down = float(directions.azimuth.max()) + 2 * MARGIN_DEG, float(top - bottom) + 2 * MARGIN_DEG
         step = _step(across, down, len(cloud))
         shape = (int(np.ceil(down / step)), int(np.ceil(across / step)))
-        nearest = _nearest(seen, float(top), step, shape)
+        nearest = _nearest(directions, float(top), step, shape)
         return cls(place, axes, (cut + MARGIN_DEG, float(top) + MARGIN_DEG), step, _filled(nearest))
 
     @property
@@ -110,7 +110,7 @@ class RangeView:
         return self.indices.shape[1], self.indices.shape[0]
 
     @property
-    def shown(self) -> Indices:
+    def visible_points(self) -> Indices:
         """Indices, ascending, of the points that the picture shows."""
         return np.unique(self.indices[self.indices >= 0])
 
@@ -153,13 +153,13 @@ class RangeView:
             held[block] = shapely.contains_xy(outline, self.pixels(points[block]))
         return held
 
-    def picture(self, points: Array, colors: Bytes, shown: Cells) -> Bytes:
+    def picture(self, points: Array, colors: Bytes, visible_points: Cells) -> Bytes:
         """The picture (h, w, 3) of points (n, 3) in colors (n, 3), edges of depth shaded.
 
         `shown` (h, w): which of these points each pixel shows, -1 for none.
         """
-        held = shown >= 0
-        own = shown[held]
+        held = visible_points >= 0
+        own = visible_points[held]
         drawn = np.empty((*self.indices.shape, 3), dtype=np.uint8)
         drawn[:] = BACKGROUND
         ranges = np.full(self.indices.shape, np.inf, dtype=np.float32)
@@ -260,17 +260,17 @@ def _step(across: float, down: float, count: int) -> float:
     return float(max(spacing / PIXELS_PER_SPACING, across / MOST_COLUMNS, down / MOST_ROWS))
 
 
-def _nearest(seen: Directions, top: float, step: float, shape: tuple[int, int]) -> Indices:
+def _nearest(directions: Directions, top: float, step: float, shape: tuple[int, int]) -> Indices:
     """The nearest point of each pixel (h, w), -1 for none; `top`: the elevation a margin below the upper border."""
     # Distances are not negative, and the bits of such floats are ordered as they are: a word of a distance's bits and
     # the point's index is least for the nearest point, and of those as near for the first.
     none = np.iinfo(np.uint64).max
     least = np.full(shape[0] * shape[1], none, dtype=np.uint64)
-    for block in _blocks(len(seen.ranges)):
-        columns = ((seen.azimuth[block] + MARGIN_DEG) / step).astype(np.int64)
-        rows = np.floor((np.float64(top + MARGIN_DEG) - seen.elevation[block]) / step).astype(np.int64)
+    for block in _blocks(len(directions.ranges)):
+        columns = ((directions.azimuth[block] + MARGIN_DEG) / step).astype(np.int64)
+        rows = np.floor((np.float64(top + MARGIN_DEG) - directions.elevation[block]) / step).astype(np.int64)
         inside = np.flatnonzero((rows >= 0) & (rows < shape[0]) & (columns >= 0) & (columns < shape[1]))
-        bits = seen.ranges[block][inside].view(np.uint32).astype(np.uint64)
+        bits = directions.ranges[block][inside].view(np.uint32).astype(np.uint64)
         words = bits << np.uint64(32) | (block.start + inside).astype(np.uint64)
         np.minimum.at(least, rows[inside] * shape[1] + columns[inside], words)
     nearest = (least & np.uint64(0xFFFFFFFF)).astype(np.int64)

@@ -30,14 +30,14 @@ class Row:
     measure: ui.label
 
     def show(self, *, selected: bool, fit: Fit | None) -> None:
-        """Say whether it is the selected one, and how its region fits."""
+        """Mark whether it is selected, and show how its region fits."""
         self.whole.classes(add="rp-on" if selected else "", remove="" if selected else "rp-on")
         self.fit.set_text("" if fit is None else fit.value)
         self.measure.set_text("" if fit is None else fit.brief)
 
 
 class RegionList:
-    """The list. Its rows are built anew only where regions change, so that a name that is being typed stays."""
+    """The list. Its rows are rebuilt only where regions change, so that a name that is being typed stays."""
 
     def __init__(self, shared: SharedSession, edit: Edit, choose: Choose) -> None:
         """Build an empty list; `edit` changes the session, `choose` takes another proposal of a region's side."""
@@ -46,14 +46,14 @@ class RegionList:
         self._rows: dict[int, Row] = {}
         self._box = ui.element("div")
 
-    def show(self, *, anew: bool = False) -> None:
-        """Show the session's regions; `anew`: also where they are those that are shown, after a refused edit."""
+    def show(self, *, rebuild: bool = False) -> None:
+        """Show the session's regions; `rebuild`: also where they have not changed, after a refused edit."""
         session = self._shared.session
         built = [
             (picked.key, picked.name, picked.image and picked.image.chosen, picked.world and picked.world.chosen)
             for picked in session.regions
         ]
-        if anew or built != self._built:
+        if rebuild or built != self._built:
             self._built = built
             self._build(session.regions)
         fits, selected = self._shared.outcome.fits, session.sketch.selected
@@ -144,9 +144,9 @@ class RegionList:
 
     def _pair_menu(self, picked: Picked) -> None:
         regions = self._shared.session.regions
-        others = [o for o in regions if not o.is_paired and (o.image is None) != (picked.image is None)]
-        if not others:
+        partners = [o for o in regions if not o.is_paired and (o.image is None) != (picked.image is None)]
+        if not partners:
             return
         with small_button("link", "Pair with …", None, stop=True), ui.menu():
-            for other in others:
-                ui.menu_item(other.name, lambda key=other.key: self._edit(lambda s: s.pair(picked.key, key)))
+            for partner in partners:
+                ui.menu_item(partner.name, lambda key=partner.key: self._edit(lambda s: s.pair(picked.key, key)))

@@ -1,4 +1,4 @@
-"""Where the scanner of a cloud may have stood, as far as its points tell."""
+"""The likely place of a cloud's scanner, inferred from its points."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def proposed_scanner(cloud: Cloud) -> Array | None:
     One beam meets one surface: from the scanner's place, few points stand behind others, and more do from places
     beside it. Of the 13 scans this finds 8; of 39 places beside their scanners it takes none.
     """
-    points = cloud.local_points[_some(len(cloud), MOST_POINTS)]
+    points = cloud.local_points[_evenly_spaced(len(cloud), MOST_POINTS)]
     zero = -cloud.origin
     if len(points) < 2:
         return None
@@ -51,14 +51,14 @@ def _share_behind(points: Array, place: Array) -> float:
     """Share of points that are much nearer or farther than the point beside them, seen from a place."""
     offsets = points - place
     ranges = np.linalg.norm(offsets, axis=1)
-    seen = ranges > 0.0
-    directions, ranges = offsets[seen] / ranges[seen, None], ranges[seen]
-    asked = _some(len(ranges), MOST_ASKED)
-    nearest = np.asarray(cKDTree(directions).query(directions[asked], k=2)[1])
-    return float(np.mean(np.abs(np.log(ranges[asked] / ranges[nearest[:, 1]])) > DEEPER))
+    has_range = ranges > 0.0
+    directions, ranges = offsets[has_range] / ranges[has_range, None], ranges[has_range]
+    queried = _evenly_spaced(len(ranges), MOST_ASKED)
+    nearest = np.asarray(cKDTree(directions).query(directions[queried], k=2)[1])
+    return float(np.mean(np.abs(np.log(ranges[queried] / ranges[nearest[:, 1]])) > DEEPER))
 
 
-def _some(count: int, most: int) -> NDArray[np.int64]:
+def _evenly_spaced(count: int, most: int) -> NDArray[np.int64]:
     """Indices of a random part of so many points, the same each time; of all where they are few."""
     if count <= most:
         return np.arange(count, dtype=np.int64)

@@ -14,12 +14,12 @@ Answered = Callable[[list[float] | None], Awaitable[None]]
 
 
 class ScannerDialog:
-    """A button that says where the scanner stood, and the question behind it: asked on its own where nobody has said,
+    """A button that shows where the scanner stood, and its dialog: opened by itself where no place is given,
     before regions rest on it.
     """
 
     def __init__(self, shared: SharedSession, answered: Answered) -> None:
-        """Build the button and the dialog; `answered` is told the place, or None for scans of several places."""
+        """Build the button and the dialog; `answered` gets the place, or None for scans of several places."""
         self._shared, self._answered = shared, answered
         self._button = ui.button(icon="sensors", on_click=self._ask).props("flat dense no-caps size=12.5px")
         self._button.tooltip("Where the scanner stood, in the cloud's frame").mark("scanner")
@@ -35,11 +35,11 @@ class ScannerDialog:
         self.show()
 
     def show(self) -> None:
-        """Say on the button what is known."""
+        """Show the scanner's place on the button."""
         session = self._shared.session
         self._button.set_text(scanner_text(session.scanner, session.asks_for_scanner))
         self._button.props(f"color={'orange-9' if session.asks_for_scanner else 'grey-8'}")
-        # The pose by edges takes the cloud's zero, and says so.
+        # The pose by edges assumes the cloud's zero, and reports that.
         if session.asks_for_scanner and not self._has_asked and (session.regions or not session.searches_edges):
             self._has_asked = True
             self._ask()

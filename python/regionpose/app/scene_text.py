@@ -1,4 +1,4 @@
-"""The scene that is being picked as plain values: what its file says, and what one region says alone."""
+"""The scene that is being picked as plain values: of its file, and of single regions."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ def scene_of(path: Path, values: dict[str, Any]) -> Scene:
 
 
 def check_scene(path: Path, values: dict[str, Any]) -> None:
-    """Pass where a file with these values would be read again; SceneError that says what is missing otherwise."""
+    """Check that a file with these values can be read again; SceneError that names what is missing otherwise."""
     checked_scene_of(Document(path, values, None))
 
 
 def region_values(picked: Picked, path: Path) -> dict[str, Any]:
-    """What the scene file at `path` says of a region with the sides that it has."""
+    """The scene file's values of a region with the sides that it has, for a file at `path`."""
     values: dict[str, Any] = {"name": picked.name}
     if picked.image is not None:
         values["image"] = image_values(picked.image.chosen, path)
@@ -40,12 +40,12 @@ def region_values(picked: Picked, path: Path) -> dict[str, Any]:
 
 
 def image_values(part: ImagePart, path: Path) -> dict[str, Any]:
-    """What the scene file at `path` says of a side in the photo."""
+    """The scene file's values of a side in the photo, for a file at `path`."""
     return {"mask": mask_name(part, path), **part.written} if part.picked else dict(part.written)
 
 
 def world_values(part: WorldPart, path: Path) -> dict[str, Any]:
-    """What the scene file at `path` says of a side in the cloud."""
+    """The scene file's values of a side in the cloud, for a file at `path`."""
     return {**part.written, "points": points_name(part, path)} if part.picked else dict(part.written)
 
 

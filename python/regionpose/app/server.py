@@ -23,8 +23,11 @@ and what is being drawn is lost: seen with the estimate and a browser without a 
 """
 
 
-def serve(shared: SharedSession, *, port: int = 0, browser: bool = True, say: Callable[[str], object] = print) -> None:
-    """Serve a shared session's page until Ctrl-C; `say` is told its address. `port` 0: any that is free.
+def serve(
+    shared: SharedSession, *, port: int = 0, browser: bool = True, show_address: Callable[[str], object] = print
+) -> None:
+    """Serve a shared session's page until Ctrl-C; `show_address` is called with its address. `port` 0: any that is
+    free.
 
     MissingExtraError without NiceGUI; OSError for a port that is taken.
     """
@@ -52,10 +55,10 @@ def serve(shared: SharedSession, *, port: int = 0, browser: bool = True, say: Ca
     )
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listening:
         listening.bind(("127.0.0.1", port))
-        # Who comes as soon as the address is said waits until the page is there.
+        # A browser that connects as soon as the address is shown waits until the page is there.
         listening.listen()
-        guard = Guard(app, listening.getsockname()[1], say)
-        say(guard.address)
+        guard = Guard(app, listening.getsockname()[1], show_address)
+        show_address(guard.address)
         try:
             with _address_file(guard.address) as address:
                 if browser:

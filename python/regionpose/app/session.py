@@ -60,8 +60,8 @@ class Session:
     """Regions picked in the photo and the cloud of a scene.
 
     `path`: the scene file that `save` writes. `camera`, `image`, `cloud`: what it names. `segmenter`: what clicks in
-    the photo ask; they grow by color where it is None. Edits are ValueErrors that say what is needed, and change
-    nothing then. Not safe for several threads at once.
+    the photo ask; they grow by color where it is None. Refused edits raise ValueErrors that name what is needed, and
+    change nothing then. Not safe for several threads at once.
     """
 
     path: Path
@@ -94,7 +94,7 @@ class Session:
     ) -> Session:
         """A session without regions, to be saved at `path`; errors as of reading a scene's files.
 
-        `columns`: names of the cloud's columns, where its file has none. `stages` is told how much of the files is
+        `columns`: names of the cloud's columns, where its file has none. `stages` reports how much of the files is
         read. FileNotFoundError where the folder is missing that it is to be saved in.
         """
         if not path.parent.is_dir():
@@ -110,7 +110,7 @@ class Session:
     def open(cls, path: Path, *, stages: Stages | None = None) -> Session:
         """The session of a scene file, with its regions; errors as of `load_scene` and of its files.
 
-        `stages` is told how much of files and regions is read.
+        `stages` reports how much of files and regions is read.
         """
         scene, stages = load_scene(path), stages or Stages()
         values = dict(scene.document.value) if isinstance(scene.document.value, dict) else {}
@@ -120,7 +120,7 @@ class Session:
 
     @classmethod
     def of_values(cls, path: Path, values: dict[str, Any], stages: Stages) -> Self:
-        """The session of what a scene file at `path` says of one photo; errors as of its files."""
+        """The session of a scene file at `path` with one photo; errors as of its files."""
         values = dict(values)
         held_lists = {key: values.get(key, []) for key in ("regions", "image_regions", "world_regions")}
         lists = {key: values.pop(key, []) for key, held in held_lists.items() if isinstance(held, list)}
@@ -167,7 +167,7 @@ class Session:
 
     @property
     def base(self) -> dict[str, Any]:
-        """What the scene file says beside regions."""
+        """The scene file's values apart from regions."""
         return self.sketch.base
 
     @property
@@ -177,7 +177,7 @@ class Session:
 
     @property
     def asks_for_scanner(self) -> bool:
-        """Whether neither the scene nor the cloud's file says where the scanner stood, or that there were several."""
+        """Whether neither the scene nor the cloud's file states where the scanner stood, or that there were several."""
         return self.scan.scanner is None and "sensor_origin" not in self.base
 
     @property
@@ -186,9 +186,9 @@ class Session:
         return None if self.scan.scanner is None else self.scan.scanner + self.scan.origin
 
     def set_scanner(self, place: Sequence[float] | None) -> None:
-        """Say where the scanner stood (3,), in the cloud's world; None for scans of several places merged.
+        """Set where the scanner stood (3,), in the cloud's world; None for scans of several places merged.
 
-        What the regions are known by follows. ValueError where one of them can't be made then.
+        The regions' samples follow. ValueError where one of them can't be made then.
         """
         if place is not None and not (len(place) == 3 and np.isfinite(place).all()):
             raise ValueError("the scanner's place: needed three numbers, meters")
@@ -203,18 +203,18 @@ class Session:
 
     @property
     def prior_settings(self) -> PriorSettings:
-        """What is known of the pose beforehand."""
+        """The prior of the pose, for editing."""
         return PriorSettings.of(self.base.get("prior", {}))
 
     def set_prior_settings(self, settings: PriorSettings) -> None:
-        """Say what is known of the pose beforehand, which the scene file's `prior` then holds.
+        """Set the prior of the pose, which the scene file's `prior` then holds.
 
         ValueError for what is no direction, no deviation, or a direction of view from no place.
         """
         self.set_prior(settings.prior(self.base.get("prior", {}), self.scanner))
 
     def set_prior(self, prior: dict[str, Any]) -> None:
-        """Say what the scene file's `prior` holds; ValueError for what is none."""
+        """Set the scene file's `prior`; ValueError for an invalid one."""
         base = {key: value for key, value in self.base.items() if key != "prior"} | ({"prior": prior} if prior else {})
         scene = scene_of(self.path, {**base, "regions": [_alone(STAND_IN, {"seed": [0.0, 0.0, 0.0]})]})
         scene_prior(scene, sensor_origin(scene, self.cloud))
@@ -268,7 +268,7 @@ class Session:
 
     @property
     def _can_match(self) -> bool:
-        """Whether there are regions of either side alone; planes are not looked for to tell."""
+        """Whether there are regions with one side only; planes are not searched for this."""
         in_photo = any(picked.world is None for picked in self.regions)
         return in_photo and (self._asks_planes or any(picked.image is None for picked in self.regions))
 
@@ -337,19 +337,19 @@ class Session:
         one, other = np.asarray(clicked, dtype=np.float64), np.asarray(place, dtype=np.float64)
         return float(np.linalg.norm(other - one)) <= SAME_PLACE * float(np.linalg.norm(one - eye))
 
-    def cut_cloud(self, inside: Callable[[Array], NDArray[np.bool_]], shown: NDArray[np.int64]) -> None:
-        """Give the selected region, or a new one, the points of a plane for which `inside` says so, of local points
-        (n, 3) of the cloud.
+    def cut_cloud(self, inside: Callable[[Array], NDArray[np.bool_]], pictured: NDArray[np.int64]) -> None:
+        """Give the selected region, or a new one, the points of a plane for which `inside` returns true, of local
+        points (n, 3) of the cloud.
 
         The plane is that of the region's points inside, or, where it has none, of most of those `shown` (k,) inside:
-        indices of the points that a picture shows, since others may lie behind them. It is fitted anew to what it holds
+        indices of the points that a picture shows, since others may lie behind them. It is refitted to what it holds
         until that stays, so that it does not depend on how far the region was grown. All of the cloud's points count,
         also those that were not reached: beyond a window, or on a scan line that is off. ValueError for too few points
         inside, or those of one line.
         """
         points = self.cloud.local_points
         start = self._selected_points
-        start = shown if start is None else start
+        start = pictured if start is None else start
         held = start[inside(points[start])]
         if len(held) < LEAST_POINTS:
             raise ValueError(f"found {len(held)} points inside; needed at least {LEAST_POINTS}")

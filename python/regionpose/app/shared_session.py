@@ -1,4 +1,4 @@
-"""A session as several pages look at it: edits one after the other, the pose and the pictures in the background."""
+"""A session shared by several pages: serialized edits, with the pose and the pictures in the background."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ LARGEST_SIDE = 4096
 """Pixels of the longer side of the photo as it is sent."""
 
 PALETTE = ("#ff9f1c", "#29b6f6", "#9ccc3c", "#ff5d8f", "#b388ff", "#ffd60a", "#00d9b0", "#ff7043", "#5c8dff", "#d4e157")
-"""Colors of the regions, told apart on photos and on the depth colors; the eleventh begins again."""
+"""Colors of the regions, distinct on photos and on the depth colors; the eleventh begins again."""
 
 MEMBER_SHARE = 0.65
 """How much of a region's color its points take in the cloud."""
@@ -53,7 +53,7 @@ class Served:
 
 
 class SharedSession:
-    """A session and what its pages show of it. Every method may be called from any thread."""
+    """A session and what its pages show of it. All methods are thread-safe."""
 
     def __init__(self, session: Session) -> None:
         """Make the pictures of photo and cloud, and wait for edits.
@@ -78,14 +78,14 @@ class SharedSession:
             self._begin()
 
     def _begin(self) -> None:
-        """Estimate the session's pose, of which nothing is known yet; none where nothing gives one."""
+        """Start to estimate the session's pose; none where the session determines none."""
         session = self.session
         self.outcome = Outcome("busy", searches_edges=session.searches_edges) if session.has_estimate else Outcome()
         # Also where there is nothing to be estimated: what runs is canceled.
         self._estimator.begin()
 
     def _look_at(self, session: Session) -> None:
-        """Show a session whose pose is not known yet."""
+        """Show a session whose pose is not estimated yet."""
         self.session = session
         self.outcome = Outcome()
         self.coloring = "depth"
@@ -98,15 +98,15 @@ class SharedSession:
         self._serve_cloud()
 
     def _look(self) -> None:
-        """Look at the cloud from the scanner's place, or from the cloud's zero where that isn't known."""
+        """Draw the cloud from the scanner's place, or from the cloud's zero where that isn't given."""
         cloud, scanner = self.session.cloud, self.session.scan.scanner
         self.place = np.zeros(3) if scanner is None else scanner
         self.range_view = RangeView.of(cloud, self.place, _up(self.session))
         sample, pictured = sample_indices(len(cloud)), self.range_view.indices
-        self._shown, places = _places(len(cloud), sample, pictured[pictured >= 0])
+        self._displayed, places = _places(len(cloud), sample, pictured[pictured >= 0])
         self._sample = places[sample]
         self._pictured = np.where(pictured >= 0, places[pictured], np.int32(-1))
-        self.cloud = _part(cloud, self._shown)
+        self.cloud = _part(cloud, self._displayed)
         self._colors: dict[str, Bytes] = {"depth": depth_and_intensity(self.cloud, self.place)}
 
     def close(self) -> None:
@@ -127,8 +127,8 @@ class SharedSession:
             before, basis = self.session.sketch, self.session.basis
             action(self.session)
             if self.session.sketch is not before:
-                is_known = before.base.get("prior") == self.session.base.get("prior")
-                self._edited(before, is_solved=is_known and basis == self.session.basis)
+                is_same_prior = before.base.get("prior") == self.session.base.get("prior")
+                self._edited(before, is_solved=is_same_prior and basis == self.session.basis)
 
     def _edited(self, sketch: Sketch, *, is_solved: bool) -> None:
         before, looked = sketch.regions, sketch.scan is not self.session.scan
@@ -167,7 +167,7 @@ class SharedSession:
         range image's pixels; errors, when it is made, as of `Session.cut_cloud` and `RangeView.inside`.
         """
         view = self.range_view
-        return lambda session: session.cut_cloud(lambda points: view.inside(ring, points), view.shown)
+        return lambda session: session.cut_cloud(lambda points: view.inside(ring, points), view.visible_points)
 
     def point_on_ray(self, origin: Array, direction: Array) -> Array:
         """The point (3,) of the world that a ray about the middle of the shown points meets; ValueError for none."""
@@ -200,8 +200,8 @@ class SharedSession:
         """The pictures of the cloud over the photo: at the pose, and at the next likeliest one unless the pose is
         trusted; none where they are not wanted, or there is no pose.
         """
-        shown = self._overlays if self.shows_depth and self.outcome.run is not None else ()
-        return [f"files/{name}?{self.pictured}" for name in shown]
+        names = self._overlays if self.shows_depth and self.outcome.run is not None else ()
+        return [f"files/{name}?{self.pictured}" for name in names]
 
     def photo_shapes(self) -> list[dict[str, Any]]:
         """The regions' outlines in the photo, for the page."""
@@ -268,7 +268,7 @@ class SharedSession:
         marked = colors.copy()
         for picked in self.session.regions:
             if picked.world is not None and picked.world.chosen.side.indices is not None:
-                indices = _places_in(self._shown, picked.world.chosen.side.indices)
+                indices = _places_in(self._displayed, picked.world.chosen.side.indices)
                 own = np.array([int(color_of(picked.key)[at : at + 2], 16) for at in (1, 3, 5)])
                 marked[indices] = np.round(MEMBER_SHARE * own + (1.0 - MEMBER_SHARE) * marked[indices])
         return marked
@@ -361,7 +361,7 @@ def _places_in(held: NDArray[np.int64], wanted: NDArray[np.intp]) -> NDArray[np.
 
 
 def _up(session: Session) -> Array | None:
-    """The world's upward direction where the scene says it."""
+    """The world's upward direction where the scene gives it."""
     given = session.base.get("prior", {}).get("up")
     return None if given is None else np.asarray(given, dtype=np.float64)
 

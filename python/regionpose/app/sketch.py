@@ -13,7 +13,7 @@ from regionpose.scene.region_sides import Scan
 class Sketch:
     """What undo brings back: the list of regions, which of them is worked on, and what all of them rest on.
 
-    `base`: what the scene file says beside regions. `scan`: the cloud, and where its scanner stood.
+    `base`: the scene file's values apart from regions. `scan`: the cloud, and where its scanner stood.
     """
 
     base: dict[str, Any]

@@ -60,7 +60,7 @@ class RayIndex:
         return cls(points, order, starts, middles, float(np.sqrt(0.75)) * side)
 
     def nearest(self, origin: Array, direction: Array) -> int:
-        """Index of the point that a ray meets first, as `nearest_to_ray` says; ValueError where none lies ahead."""
+        """Index of the point that a ray meets first, as of `nearest_to_ray`; ValueError where none lies ahead."""
         candidates = self._beside(origin, direction)
         return int(candidates[nearest_to_ray(self.points[candidates], origin, direction)])
 

@@ -32,7 +32,7 @@ EDGES_ENOUGH = (
     '<div class="rp-empty">The pose comes from the edges of photo and cloud. Where the points over the photo lie on'
     " what they show, regions are not needed: save. Where they do not, mark regions.</div>"
 )
-"""What is said before the list's help where the pose comes from edges."""
+"""The text before the list's help where the pose comes from edges."""
 
 EMPTY_POSE = (
     '<div class="rp-empty">The pose appears here as soon as one region has both sides, and again after every change.'
@@ -45,12 +45,12 @@ WITHOUT_POSE = {
     " on those of the photo …</div>",
     "stopped": '<div class="rp-empty">The estimate was stopped before there was a pose.</div>',
 }
-"""What is said instead of a pose where there is none."""
+"""The text instead of a pose where there is none."""
 
 ADVICE_BY_EDGES = {
-    "ambiguous": "Compare the points over the photo at the likeliest pose and at the runner-up (R). Say which direction"
-    " is up or what else is known beforehand, or mark a region in photo and cloud.",
-    "low-confidence": "Look at the points over the photo. Say which direction is up or what else is known beforehand,"
+    "ambiguous": "Compare the points over the photo at the likeliest pose and at the runner-up (R). Give the direction"
+    " that is up or another prior, or mark a region in photo and cloud.",
+    "low-confidence": "Look at the points over the photo. Give the direction that is up or another prior,"
     " or mark a region in photo and cloud.",
     "weak-geometry": "Mark regions in photo and cloud, or add frames; or, if this is precise enough, raise"
     " solver.max_rotation_sigma_deg or solver.max_translation_sigma_percent in the scene file.",
@@ -59,7 +59,7 @@ ADVICE_BY_EDGES = {
 
 FAILED = {
     False: "Look at the regions one by one: a wrong pair or a mask that leaked is the usual cause.",
-    True: "Say where the scanner stood and what is known beforehand, or mark regions in photo and cloud.",
+    True: "Give the scanner's place and a prior, or mark regions in photo and cloud.",
 }
 """What to do where there is no pose, by whether it was searched by edges."""
 
@@ -90,18 +90,18 @@ def outcome_html(outcome: Outcome) -> str:
     if outcome.state == "failed":
         advice = FAILED[outcome.searches_edges]
         return f'<div class="rp-verdict rp-failed"><b>No pose</b>{escape(outcome.message)} <span>{advice}</span></div>'
-    if outcome.run is None or outcome.judged is None:
+    if outcome.run is None or outcome.verdict is None:
         state = "searching" if outcome.searches_edges and outcome.state == "busy" else outcome.state
         return WITHOUT_POSE.get(state, EMPTY_POSE)
-    judged, estimate = outcome.judged, outcome.run.estimate
+    assessment, estimate = outcome.verdict, outcome.run.estimate
     # By the regions alone nothing is trusted yet: edges of photo and cloud may choose another pose.
-    level, heading = OF_REGIONS.get(outcome.state, (judged.level, HEADINGS[judged.level]))
+    level, heading = OF_REGIONS.get(outcome.state, (assessment.level, HEADINGS[assessment.level]))
     busy = outcome.state == "busy"
     spin = '<span class="rp-spin"></span>' if busy or outcome.state == "regions" else ""
-    said = f'<div class="rp-verdict rp-{level}"><b>{spin}{heading}</b>{escape(judged.headline)}</div>'
+    heading_html = f'<div class="rp-verdict rp-{level}"><b>{spin}{heading}</b>{escape(assessment.headline)}</div>'
     remarks = "".join(
-        f'<div class="rp-warn">{escape(_sentence(what))}<em>{escape(advice)}</em></div>'
-        for what, advice in _remarks(outcome.run, judged)
+        f'<div class="rp-warn">{escape(_sentence(remark))}<em>{escape(advice)}</em></div>'
+        for remark, advice in _remarks(outcome.run, assessment)
     )
     facts = [
         # No pose is certain.
@@ -110,21 +110,21 @@ def outcome_html(outcome: Outcome) -> str:
         (length_text(float(np.max(estimate.translation_sigma_m))), "place, 1 sigma"),
         _fit(outcome.run),
     ]
-    told = "".join(f"<div><b>{escape(value)}</b><span>{name}</span></div>" for value, name in facts)
+    facts_items = "".join(f"<div><b>{escape(value)}</b><span>{name}</span></div>" for value, name in facts)
     rows = "\n".join("  ".join(f"{value:10.5f}" for value in row) for row in estimate.pose.matrix[:3])
     matrix = (
         f'<div class="rp-title" style="margin-bottom:4px">camera_from_world</div><pre class="rp-matrix">{rows}</pre>'
     )
-    facts_html = f'<div class="rp-facts">{told}</div>{_searched(outcome.run)}'
-    return f'<div class="{"rp-busy" if busy else ""}">{said}{facts_html}{remarks}{matrix}</div>'
+    facts_html = f'<div class="rp-facts">{facts_items}</div>{_searched(outcome.run)}'
+    return f'<div class="{"rp-busy" if busy else ""}">{heading_html}{facts_html}{remarks}{matrix}</div>'
 
 
-def _remarks(run: SceneEstimate, judged: Verdict) -> Iterator[tuple[str, str]]:
+def _remarks(run: SceneEstimate, assessment: Verdict) -> Iterator[tuple[str, str]]:
     """The warnings with what to do about each on the page."""
     advice = ADVICE_BY_EDGES if run.is_by_edges else {}
     # A remark for each warning, in order.
-    for warning, (what, usual) in zip(run.estimate.warnings, judged.remarks, strict=True):
-        yield what, advice.get(warning.code, usual)
+    for warning, (remark, usual) in zip(run.estimate.warnings, assessment.remarks, strict=True):
+        yield remark, advice.get(warning.code, usual)
 
 
 def _fit(run: SceneEstimate) -> tuple[str, str]:
@@ -151,7 +151,7 @@ def _sentence(text: str) -> str:
 
 
 def scanner_text(place: NDArray[np.float64] | None, asks: bool) -> str:
-    """What is known of where the scanner stood."""
+    """Where the scanner stood, as far as it is given."""
     if place is None:
         return "Scanner: where?" if asks else "Scanner: several places"
     return "Scanner: " + ", ".join(f"{round(value, 2):g}" for value in place.tolist())

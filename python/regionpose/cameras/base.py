@@ -66,7 +66,7 @@ class Camera(ABC):
         -------
         (n, 2) or (2,) array
             Not cropped by the image size. A row is NaN where the point is not finite, is the camera center, or is not
-            visible: behind the camera or further off the axis than the model can tell apart (`max_angle`), or where its
+            visible: behind the camera or further off the axis than the model resolves (`max_angle`), or where its
             pixel is too far out to be a finite number.
 
         Raises

@@ -21,7 +21,7 @@ POLE_MARGIN = 1e-9
 WIDEST_GAP = 0.1
 """Largest part of its radius that a fold may take for the model to be used beyond it; a convention. Numerators and
 denominators that nearly cancel fold within a few hundredths, and are right on both sides; a polynomial that was fitted
-further inside folds for good, and what it says beyond is no lens."""
+further inside folds for good, and describes no lens beyond."""
 
 
 @dataclass(frozen=True)

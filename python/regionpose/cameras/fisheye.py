@@ -103,10 +103,10 @@ class FisheyeCamera(MatrixCamera):
             value, slope = self._radius(angle)
             return value - reached[rows], slope
 
-        seen = radius <= self._radius(np.array(self.max_angle))[0]
-        reached = radius[seen]
+        is_within = radius <= self._radius(np.array(self.max_angle))[0]
+        reached = radius[is_within]
         angles = np.full_like(radius, np.nan)
-        angles[seen] = bracketed_roots(residual, reached, self.max_angle)
+        angles[is_within] = bracketed_roots(residual, reached, self.max_angle)
         return angles
 
     def _bearings(self, u: Array, v: Array) -> Components:

@@ -33,8 +33,8 @@ class OcamCamera(Camera):
     A pixel is `center + stretch (x, y)`, x right and y down in pixels; it sees along `(x, y, g(rho))`, `rho = |(x,
     y)|`, `g = a0 + a1 rho + a2 rho^2 + ...`: z is forward (docs/math.md, eq. 9.7). Rays may leave by more than 90
     degrees off the axis, where `g < 0`. `project` inverts this polynomial itself; the pixel is as exact as its rounding
-    except within a pixel or so of the fold (`max_angle`), where the angle no longer grows with rho and so hardly tells
-    rho.
+    except within a pixel or so of the fold (`max_angle`), where the angle no longer grows with rho and so hardly
+    determines rho.
 
     OCamCalib writes the same model with x along the rows, y along the columns and the axis backward: `(row, column) =
     center + [[c, d], [e, 1]] (x', y')`, bearing `(x', y', ss(rho))` with `ss0 < 0`. So `x = y'`, `y = x'`, `a = -ss`,

@@ -111,9 +111,9 @@ class UnifiedCamera(MatrixCamera):
 
     def _project(self, x: Array, y: Array, z: Array) -> Components:
         off_axis = np.hypot(x, y)
-        seen = np.arctan2(off_axis, z) <= self.max_angle * (1.0 + LIMIT_SLACK)
+        is_visible = np.arctan2(off_axis, z) <= self.max_angle * (1.0 + LIMIT_SLACK)
         depth = z + self.xi * np.hypot(off_axis, z)
-        depth = np.where(seen & (depth > 0.0), depth, np.nan)
+        depth = np.where(is_visible & (depth > 0.0), depth, np.nan)
         x_distorted, y_distorted = self._distortion.distort(x / depth, y / depth)
         return self.fx * x_distorted + self.cx, self.fy * y_distorted + self.cy
 

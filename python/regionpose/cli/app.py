@@ -82,7 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def run_command(app: typer.Typer, arguments: Sequence[str] | None, program: str) -> int:
     """The exit code of a command line of `app`, whose help calls it `program`; errors as `main` has them."""
     if arguments is None:
-        # The process is this program's alone. Readers have a limit of their own, and say where it is exceeded.
+        # The process is this program's alone. Readers have a limit of their own, with an error where it is exceeded.
         warnings.filterwarnings("ignore", "Image size .* exceeds limit")
     try:
         with _terminated_cleanly():

@@ -29,7 +29,7 @@ BESIDE_NAME, LEAST_NAME = 46, 16
 """Characters of a line of shares beside its name; those that a name has on the narrowest terminal."""
 
 DRAWN_EVERY_S = 0.05
-"""Shares that follow sooner are passed over: readers tell them thousands of times a second."""
+"""Sooner updates are dropped: readers report thousands a second."""
 
 
 class Elapsed(ProgressColumn):
@@ -54,8 +54,8 @@ class Rate(ProgressColumn):
     def render(self, task: Task) -> Text:
         """As 2.5/s or 4.0 s each; nothing before it is known."""
         speed = task.speed or 0.0
-        shown = "" if not speed else f"{speed:.1f}/s" if speed >= 1.0 else f"{1.0 / speed:.1f} s each"
-        return Text(shown, style="progress.data.speed")
+        rate = "" if not speed else f"{speed:.1f}/s" if speed >= 1.0 else f"{1.0 / speed:.1f} s each"
+        return Text(rate, style="progress.data.speed")
 
 
 NAME, BAR = TextColumn("{task.description}", markup=False), BarColumn(BAR_WIDTH)
@@ -100,8 +100,8 @@ class StageLine(Progress):
     def begin(self, stage: str) -> None:
         """Show another stage, of an amount that isn't known yet."""
         with self._lock:
-            for known in self.task_ids:
-                self.remove_task(known)
+            for task in self.task_ids:
+                self.remove_task(task)
             self._kind, self._drawn_at = UNKNOWN, -math.inf
         # It draws, which must not be within the lock: the thread that draws by itself takes that after the drawing's.
         self.add_task(shortened(stage, max(LEAST_NAME, self.console.width - BESIDE_NAME)), total=None)

@@ -203,13 +203,15 @@ def _photo_and_cloud(first: Path, second: Path) -> tuple[Path, Path]:
 def _options(
     camera: Path | None, words: dict[str, str | bool | None], origin: list[float] | None, coco: Path | None
 ) -> FolderOptions:
-    """What the command line says of all pairs; ValueError for words about a camera that isn't given."""
+    """The options for all pairs; ValueError for camera options without a camera."""
     from regionpose.scene.folder import FolderOptions
 
-    said = {key: value for key, value in words.items() if value}
+    options = {key: value for key, value in words.items() if value}
     if camera is None:
-        if said:
-            option = next(iter(said)) if "rectified" in said and len(said) == 1 else f"camera-{next(iter(said))}"
+        if options:
+            option = (
+                next(iter(options)) if "rectified" in options and len(options) == 1 else f"camera-{next(iter(options))}"
+            )
             raise ValueError(f"--{option}: found it without --camera; needed both")
         return FolderOptions(None, origin, coco)
-    return FolderOptions({"file": str(camera), **said} if said else str(camera), origin, coco)
+    return FolderOptions({"file": str(camera), **options} if options else str(camera), origin, coco)

@@ -68,7 +68,7 @@ class Failed(NamedTuple):
 def run_cameras(
     scenes: Mapping[str, Scene], out: Path, *, force: bool, as_json: bool, quiet: bool, strict: bool
 ) -> None:
-    """Estimate each camera, write its files to the folder of its name in `out`, and say all results."""
+    """Estimate each camera, write its files to the folder of its name in `out`, and print all results."""
     from regionpose.scene.bundle import file_names
 
     for name, scene in scenes.items():
@@ -113,18 +113,18 @@ def _print_result(outcomes: Mapping[str, Outcome | Failed], out: Path) -> None:
         if isinstance(outcome, Failed):
             rows.append((name, "no pose", "", "", "", ""))
             continue
-        estimate, judged = outcome.run.estimate, verdict(outcome.run)
+        estimate, assessment = outcome.run.estimate, verdict(outcome.run)
         rows.append(
             (
                 name,
-                judged.level,
+                assessment.level,
                 vector_text(estimate.pose.rotation.as_quat(canonical=True), 6),
                 vector_text(estimate.pose.translation, 4),
                 f"{estimate.rotation_sigma_deg.max():.3f}",
                 f"{estimate.translation_sigma_m.max():.4f}",
             )
         )
-        remarks += [f"{name}: warning: {what}. {advice}".rstrip() for what, advice in judged.remarks]
+        remarks += [f"{name}: warning: {remark}. {advice}".rstrip() for remark, advice in assessment.remarks]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         typer.echo("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())

@@ -1,4 +1,4 @@
-"""What commands say: results on standard output, progress on standard error."""
+"""Output of commands: results on standard output, progress on standard error."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Progress:
             self._line.stop()
 
     def begin(self, stage: str) -> None:
-        """Say that a stage begins."""
+        """Begin a stage."""
         self._size_bytes = 0
         if self._line is not None:
             self._line.begin(stage)
@@ -75,7 +75,7 @@ class Progress:
         return Stages(self.begin, self.share, self.of_bytes)
 
     def share(self, share: float) -> None:
-        """Say which share of the stage is done, from 0 to 1."""
+        """Show the fraction of the stage that is done, from 0 to 1."""
         if self._line is None:
             return
         from regionpose.cli.bars import BYTES, SHARE
@@ -84,7 +84,7 @@ class Progress:
         self._line.set_amount(BYTES if self._size_bytes else SHARE, share * total, total)
 
     def count(self, done: int, total: int) -> None:
-        """Say how many items of the stage are done."""
+        """Show how many items of the stage are done."""
         if self._line is None:
             return
         from regionpose.cli.bars import ITEMS
@@ -110,7 +110,7 @@ class Progress:
 
 
 def print_remarks(remarks: Sequence[str], quiet: bool) -> None:
-    """Print what is to be known of files to standard error; warnings also where no progress is wanted."""
+    """Print remarks about files to standard error; if `quiet`, only warnings."""
     for remark in remarks:
         if not quiet or remark.startswith("warning:"):
             typer.echo(remark, err=True)

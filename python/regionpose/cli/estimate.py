@@ -24,7 +24,7 @@ WARNED, DOUBTED = 1, 3
 
 
 def estimate(
-    scene: Annotated[Path, typer.Argument(help="Scene file, YAML or JSON; docs/scene-file.md says what it holds.")],
+    scene: Annotated[Path, typer.Argument(help="Scene file, YAML or JSON; as docs/scene-file.md describes it.")],
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="Folder for the files.  [default: SCENE-result, beside it]"),
@@ -63,7 +63,7 @@ def run_scene(
     truth: Truth | None = None,
     extra: Mapping[str, Writer] | None = None,
 ) -> None:
-    """Estimate a checked scene, write its files and `extra` ones to the folder `out`, and say the result."""
+    """Estimate a checked scene, write its files and `extra` ones to the folder `out`, and print the result."""
     with Progress(quiet) as progress:
         outcome = scene_outcome(scene, out, progress.stages, force=force, truth=truth, extra=extra)
     if as_json:
@@ -121,16 +121,16 @@ def _print_result(run: SceneEstimate, result: dict[str, Any], written: list[Path
         typer.echo("overlap error by region")
         print_rows([(region["name"], _errors(region)) for region in result["regions"]])
         typer.echo("3D regions known by")
-        print_rows([(region["name"], _known_by(region)) for region in result["regions"]])
+        print_rows([(region["name"], _samples_text(region)) for region in result["regions"]])
         _print_frames(result)
     _print_search(result)
     _print_planes(result)
-    _print_known(result)
+    _print_prior(result)
     _print_truth(result)
-    judged = verdict(run)
-    typer.echo(f"{judged.level}: {judged.headline}")
-    for what, advice in judged.remarks:
-        typer.echo(f"  warning: {what}. {advice}".rstrip())
+    assessment = verdict(run)
+    typer.echo(f"{assessment.level}: {assessment.headline}")
+    for remark, advice in assessment.remarks:
+        typer.echo(f"  warning: {remark}. {advice}".rstrip())
     typer.echo(f"written: {', '.join(str(path) for path in written)}")
 
 
@@ -166,7 +166,7 @@ def _overlap(run: SceneEstimate) -> list[tuple[str, str]]:
 
 
 def _counts_less(on_their_side: float | None) -> str:
-    """What to say of an overlap error beside the share of samples that are on their side, if there is one."""
+    """The text of an overlap error, after the share of samples on their side if there is one."""
     return "" if on_their_side is None else " (of outlines that the scan doesn't know; its samples count)"
 
 
@@ -179,7 +179,7 @@ def _errors(region: dict[str, Any]) -> str:
     return f"{after}, before: " + ("unknown" if before is None else f"{100.0 * before:.2f} %")
 
 
-def _known_by(region: dict[str, Any]) -> str:
+def _samples_text(region: dict[str, Any]) -> str:
     """What a region's 3D side is known by, and how its samples fit."""
     share = region["samples_on_their_side"]
     return f"{region['known_by']}" + ("" if share is None else f"; {100.0 * share:.1f} % on their side of the outline")
@@ -236,11 +236,11 @@ def _print_planes(result: dict[str, Any]) -> None:
     pose = confirmed["pose"]
     if pose is not None and pose["distance_sigmas"] is not None:
         turn, shift = max(pose["rotation_sigma_deg"]), max(pose["translation_sigma_m"])
-        known = f"1 sigma {angle_text(turn)} and {length_text(shift)}"
-        typer.echo(f"pose by these planes alone ({known}): {pose['distance_sigmas']:.1f} standard deviations away")
+        deviations = f"1 sigma {angle_text(turn)} and {length_text(shift)}"
+        typer.echo(f"pose by these planes alone ({deviations}): {pose['distance_sigmas']:.1f} standard deviations away")
 
 
-def _print_known(result: dict[str, Any]) -> None:
+def _print_prior(result: dict[str, Any]) -> None:
     """Where the scanner stood, and what was made of it."""
     from regionpose.scene.searched import vector_text
 

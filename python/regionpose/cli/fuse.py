@@ -63,8 +63,8 @@ def fuse(
         progress.begin("write cloud")
         write_file(out, lambda path: write_ply(path, colored), force=force)
     print_remarks(list(dict.fromkeys(remarks)), quiet)
-    total, seen = len(colored), int(visible.sum())
+    total, visible_count = len(colored), int(visible.sum())
     if as_json:
-        print_json({"out": str(out), "images": len(files), "points": total, "visible_points": seen})
+        print_json({"out": str(out), "images": len(files), "points": total, "visible_points": visible_count})
     else:
-        typer.echo(f"{seen} of {total} points colored; written: {out}")
+        typer.echo(f"{visible_count} of {total} points colored; written: {out}")

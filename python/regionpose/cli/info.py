@@ -69,7 +69,7 @@ def info(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Say what kind of file it is, and describe it: cloud, bag, calibration, pose, image, masks, scene file, result.
+    """Print the kind of a file and its contents: cloud, bag, calibration, pose, image, masks, scene file, result.
 
     \b
     Examples:
@@ -86,7 +86,7 @@ def info(
     else:
         typer.echo(f"{file}: {facts.pop('kind')}")
         topics = facts.pop("topics", [])
-        print_rows([(key.replace("_", " "), _shown(value)) for key, value in facts.items()])
+        print_rows([(key.replace("_", " "), _as_text(value)) for key, value in facts.items()])
         print_rows([(each["topic"], _topic_line(each)) for each in topics])
 
 
@@ -105,13 +105,13 @@ def file_facts(
     from regionpose.io.clouds.ros import KINDS as CLOUDS
     from regionpose.io.reading import IMAGE_SUFFIXES, check_regular, is_picture
 
-    suffix, said = path.suffix.lower(), progress or Progress(quiet=True)
+    suffix, shown_progress = path.suffix.lower(), progress or Progress(quiet=True)
     place = bag_place(path)
     if place is not None:
         kind = kind_of(place)
         if kind in CALIBRATIONS:
             return _camera_facts(path, choice or CameraChoice())
-        return _cloud_facts(path, said, columns) if kind in CLOUDS else _picture_facts(place)
+        return _cloud_facts(path, shown_progress, columns) if kind in CLOUDS else _picture_facts(place)
     if is_bag(path) and path.exists():
         return _bag_facts(path)
     if path.is_dir():
@@ -124,8 +124,8 @@ def file_facts(
     if suffix in ARRAY_SUFFIXES and (facts := _array_facts(path)) is not None:
         return facts
     if is_cloud(path):
-        return _cloud_facts(path, said, columns)
-    return _text_facts(path, choice or CameraChoice(), said, columns)
+        return _cloud_facts(path, shown_progress, columns)
+    return _text_facts(path, choice or CameraChoice(), shown_progress, columns)
 
 
 def _text_facts(path: Path, choice: CameraChoice, progress: Progress, columns: list[str] | None) -> Facts:
@@ -260,7 +260,7 @@ def _cloud_facts(path: Path, progress: Progress, columns: list[str] | None = Non
 
 
 def _unit(cloud: Cloud, spacing: float | None) -> str:
-    """What the file of a cloud or its size say of its unit; the corners of a mesh are no samples."""
+    """The unit of a cloud by its file or its size; the vertices of a mesh are no samples."""
     from regionpose.scene.input_checks import check_unit, unit_remark
 
     remarks = [warning.message for warning in check_unit(cloud)]
@@ -358,7 +358,7 @@ def _region_line(frame: str, region: NamedRegion) -> str:
 
 
 def _kind(side: Any) -> str:
-    """The key that says what a side is."""
+    """The key that gives a side's kind."""
     return next(key for key in ("seed", "mask", "points", "mesh", "polygon") if key in type(side).model_fields)
 
 
@@ -380,7 +380,7 @@ def _column(path: Path, held: Facts, key: str, name: str) -> list[str]:
     return [item[name] for item in items]
 
 
-def _shown(value: object) -> str:
+def _as_text(value: object) -> str:
     if value is None:
         return "none"
     if isinstance(value, bool):
@@ -388,7 +388,7 @@ def _shown(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.6g}" if abs(value) < LARGE else f"{value:.3f}"
     if isinstance(value, list):
-        return ", ".join(_shown(item) for item in value) or "none"
+        return ", ".join(_as_text(item) for item in value) or "none"
     if isinstance(value, dict):
-        return ", ".join(f"{key} {_shown(item)}" for key, item in value.items()) or "none"
+        return ", ".join(f"{key} {_as_text(item)}" for key, item in value.items()) or "none"
     return str(value)

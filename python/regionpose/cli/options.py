@@ -24,7 +24,7 @@ CameraModel = Annotated[
     str | None,
     typer.Option(
         "--camera-model",
-        help="pinhole, fisheye, unified, fov, ocam or equirectangular, where the calibration doesn't say.",
+        help="pinhole, fisheye, unified, fov, ocam or equirectangular, where the calibration doesn't name it.",
         show_default=False,
     ),
 ]

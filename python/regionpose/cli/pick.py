@@ -37,7 +37,7 @@ def pick(
     """Look at the pose of a photo and a cloud; where it is not trusted, click regions, and it follows every click.
 
     The page opens with the pose by the edges of photo and cloud, as of `regionpose calibrate`. --near, --up and --mount
-    narrow its search, in the place of what SCENE says of the pose. Save writes SCENE and its masks, and `regionpose
+    narrow its search, in the place of SCENE's prior. Save writes SCENE and its masks, and `regionpose
     estimate SCENE` then gives the same pose. The page is served to this computer only. Ctrl-C ends it. A folder holds
     pairs such as 0001.png and 0001.pcd of one pose: they are looked at one after the other, and saved as one scene
     file, FOLDER/scene.yaml.
@@ -68,14 +68,14 @@ def pick(
         progress.begin(f"pictures of {len(session.cloud)} points")
         shared = SharedSession(session)
     try:
-        serve(shared, port=port, browser=browser, say=lambda address: typer.echo(f"pick at {address}"))
+        serve(shared, port=port, browser=browser, show_address=lambda address: typer.echo(f"pick at {address}"))
     finally:
         # Pages are thousands of objects in circles each, which Python looks through at its end: minutes for many pages.
         gc.freeze()
 
 
 def _narrow(session: Session, prior: dict[str, Any]) -> None:
-    """Say in a session what options say of the pose; ValueError that names them."""
+    """Set a session's prior from options; ValueError that names them."""
     if prior.get("camera_near_sigma_m") is not None and "camera_near" not in prior and session.scanner is None:
         found = "found a deviation, but the scanner's place is not known"
         raise ValueError(f"--near: {found}; needed x,y,z,sigma, or the key sensor_origin in the scene")

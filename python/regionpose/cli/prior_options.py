@@ -1,4 +1,4 @@
-"""What `--near`, `--up` and `--mount` say of poses."""
+"""The options `--near`, `--up` and `--mount`, and the priors that they give."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Up = Annotated[
     typer.Option(
         "--up",
         help="Which way is up in the clouds, of a camera that is upright to some 5 degrees: x, y, z, -x, ... or"
-        " x,y,z.  [default: not known]",
+        " x,y,z.  [default: none]",
         show_default=False,
     ),
 ]
@@ -59,7 +59,7 @@ class PriorOptions(NamedTuple):
 
     @classmethod
     def of(cls, near: str | None, up: str | None, mounts: Sequence[str], origin: str | None) -> PriorOptions:
-        """What the words say; ValueError that names the option."""
+        """The parsed options; ValueError that names a bad one."""
         from regionpose.solve.prior import AXES
 
         place, sigma = None, None
@@ -77,7 +77,7 @@ class PriorOptions(NamedTuple):
                 raise ValueError(f"--mount: found one of {name}; needed {needed}")
 
     def prior(self, camera: str | None = None) -> dict[str, Any]:
-        """What is known of a camera's pose, as the scene's key; ValueError that names the options."""
+        """The prior of a camera's pose as the scene's key; ValueError that names the options."""
         from regionpose.scene.solver_config import prior_values
         from regionpose.solve.prior import Prior
 

@@ -80,14 +80,14 @@ def _rows_inside(cloud: Cloud, view: PosedImage) -> list[tuple[int, float, float
     """Index in the file, pixel and depth of each point inside the image."""
     import numpy as np
 
-    seen = view.pose.transform(cloud.points)
-    pixels = view.camera.project(seen)
+    in_camera = view.pose.transform(cloud.points)
+    pixels = view.camera.project(in_camera)
     height, width = np.shape(view.image)[:2]
     with np.errstate(invalid="ignore"):
         inside = np.flatnonzero(((pixels >= -0.5) & (pixels < [width - 0.5, height - 0.5])).all(axis=1))
     numbers = cloud.to_file_indices(inside).tolist()
     return [
-        (number, float(pixels[k, 0]), float(pixels[k, 1]), float(seen[k, 2]))
+        (number, float(pixels[k, 0]), float(pixels[k, 1]), float(in_camera[k, 2]))
         for number, k in zip(numbers, inside, strict=True)
     ]
 

@@ -79,8 +79,8 @@ def segment(
     if as_json:
         print_json(facts)
     else:
-        shown = [(key.replace("_", " "), str(value)) for key, value in facts.items() if not isinstance(value, list)]
-        print_rows(shown, indent="")
+        rows = [(key.replace("_", " "), str(value)) for key, value in facts.items() if not isinstance(value, list)]
+        print_rows(rows, indent="")
         print_rows([(region["name"], _size(region)) for region in facts.get("regions", [])])
         print_rows([("warning:", warning) for warning in facts.get("warnings", [])])
 
@@ -108,8 +108,8 @@ def _grower(tolerance: float | None, segmenter: str | None) -> Grower:
         raise ValueError("--tolerance: found it beside --segmenter; needed one of them")
     from regionpose.segment.segmenters import load_segmenter, segmented
 
-    asked = load_segmenter(segmenter)
-    return lambda image, seed: segmented(asked, image, [seed], [1])[0] >= MASK_LEVEL
+    predictor = load_segmenter(segmenter)
+    return lambda image, seed: segmented(predictor, image, [seed], [1])[0] >= MASK_LEVEL
 
 
 def _segment_image(

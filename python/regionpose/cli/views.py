@@ -54,7 +54,7 @@ def _one_each(option: str, given: Sequence[Item], images: Sequence[Path]) -> Seq
 
 
 def read_view(files: ViewFiles, remarks: list[str] | None = None) -> PosedImage:
-    """The image, its camera, and its pose; what is to be said of them is added to `remarks`."""
+    """The image, its camera, and its pose; remarks about them are added to `remarks`."""
     camera = load_camera(files.camera, files.camera_name, model=files.camera_model, rectified=files.rectified)
     picture = read_picture(files.image)
     size = (picture.shape[1], picture.shape[0])

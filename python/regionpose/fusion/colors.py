@@ -161,12 +161,12 @@ def blend_colors(
         camera.check_size(colors.shape, f"image of view {count}")
         count += 1
         projection = _projected(given, camera, pose, colors.shape[:2])
-        seen = np.flatnonzero(_visible(projection, colors.shape[:2], tolerance))
-        weight = np.maximum(projection.distances[seen], NEAREST) ** np.float32(-2.0)
+        indices = np.flatnonzero(_visible(projection, colors.shape[:2], tolerance))
+        weight = np.maximum(projection.distances[indices], NEAREST) ** np.float32(-2.0)
         if facing is not None:
-            weight *= _cosines(given[seen] - pose.camera_center, facing[seen])
-        sums[seen] += weight[:, None] * _sampled(colors, projection.pixels[seen])
-        weights[seen] += weight
+            weight *= _cosines(given[indices] - pose.camera_center, facing[indices])
+        sums[indices] += weight[:, None] * _sampled(colors, projection.pixels[indices])
+        weights[indices] += weight
     if count == 0:
         raise ValueError("there are 0 views; needed an image, its camera and its pose at least")
     visible = weights > 0.0
@@ -336,8 +336,8 @@ def _gap(places: Floats, widest: int) -> float:
     apart = np.where(apart > 0.0, apart, np.inf)
     nearest = np.stack([np.where(sector == k, apart, np.inf).min(axis=1) for k in range(4)], axis=1)
     third = np.sort(nearest, axis=1)[:, 2]
-    known = third[np.isfinite(third)]
-    return float(np.percentile(known, GAP_PERCENTILE)) if len(known) else 0.0
+    finite = third[np.isfinite(third)]
+    return float(np.percentile(finite, GAP_PERCENTILE)) if len(finite) else 0.0
 
 
 def _sampled(image: Bytes, pixels: Floats) -> Floats:

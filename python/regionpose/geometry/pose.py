@@ -71,7 +71,7 @@ class Pose(KeptArrays):
     def of_quaternion(cls, quat_xyzw: Array, translation: Array) -> Pose:
         """The pose of a unit quaternion (4,) and a translation (3,) that are known to be right.
 
-        Making the `Rotation` takes scipy longer than all else that is made of a result: it waits until it is asked for.
+        Making the `Rotation` takes scipy longer than all else that is made of a result: it is made on first use.
         """
         pose = object.__new__(cls)
         object.__setattr__(pose, "_quat_xyzw", read_only(quat_xyzw))
@@ -81,7 +81,7 @@ class Pose(KeptArrays):
     if not TYPE_CHECKING:  # To a type checker every name would be an attribute.
 
         def __getattr__(self, name: str) -> Rotation:
-            """The rotation of a quaternion, when it is first asked for."""
+            """The rotation of a quaternion, made on first use."""
             if name != "rotation" or "_quat_xyzw" not in self.__dict__:
                 raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
             from scipy.spatial.transform import Rotation

@@ -1,17 +1,17 @@
-"""Lengths and angles as people read them: a unit that fits, and no more digits than tell something."""
+"""Lengths and angles as text, in a unit that fits and with significant digits only."""
 
 from __future__ import annotations
 
 import math
 
 UNKNOWN = "unknown"
-"""In place of a number that is not finite, or that nobody knows."""
+"""Text in place of a number that is missing or not finite."""
 
 LENGTHS = ((0.1, 1000.0, "mm"), (1.0, 100.0, "cm"))
 """Lengths below which, in meters, a unit is taken, and how many of it are a meter; meters beyond. A convention."""
 
 LEAST_M, LEAST_DEG = 1e-6, 1e-4
-"""Below these a number tells nothing that anybody could measure."""
+"""Smallest values that are written out; smaller ones are below what can be measured."""
 
 
 def length_text(meters: float | None) -> str:

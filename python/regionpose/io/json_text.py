@@ -1,4 +1,4 @@
-"""JSON: the one place that reads it and says where a text is none."""
+"""JSON reading, with line and column of syntax errors."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ NO_FILES = {stat.S_IFIFO: "a pipe", stat.S_IFCHR: "a device", stat.S_IFBLK: "a d
 
 
 def check_regular(path: Path) -> None:
-    """FileError for a pipe, a device or a socket, behind a link or not; what isn't there is for the reader to tell."""
+    """FileError for a pipe, a device or a socket, behind a link or not; a missing file is the reader's error."""
     try:
         kind = stat.S_IFMT(os.stat(path).st_mode)
     except (OSError, ValueError):
@@ -99,7 +99,7 @@ def is_picture(path: Path) -> bool:
 
 
 def read_pixels(path: Path, mode: str | None = None, per_pixel: int = 1, *, content: IO[bytes] | None = None) -> Pixels:
-    """The first picture of an image file, turned as its EXIF data say, as viewers and OpenCV do, and converted to
+    """The first picture of an image file, turned by its EXIF data, as viewers and OpenCV do, and converted to
     Pillow's `mode` where one is given; gray of more than 8 bits stays as it is.
 
     `per_pixel`: a quarter of the bytes that the caller makes of each pixel, where that is more than it has in the file.

@@ -190,7 +190,7 @@ def _described(error: Exception, text: str | None = None) -> TextError:
 
 
 def _syntax_error(error: MarkedYAMLError, text: str | None) -> TextError:
-    """What libyaml says, in words of what was found and needed."""
+    """A libyaml error as what was found and needed."""
     problem = str(error.problem)
     mark: StringMark | None = error.context_mark if problem.startswith(BEGUN_BEFORE) else error.problem_mark
     needed = next((words for start, words in NEEDED.items() if problem.startswith(start)), None)
@@ -198,8 +198,8 @@ def _syntax_error(error: MarkedYAMLError, text: str | None) -> TextError:
         return TextError(f"found no YAML ({problem}); needed YAML", None if mark is None else mark.line + 1)
     found = found_at(text, _position(text, mark)) + ("" if needed else f" ({problem})")
     begun = 0 if error.context_mark is None else error.context_mark.line + 1
-    told = (needed or "YAML").format(line=begun)
-    return TextError(f"found {found}; needed {told}", mark.line + 1, mark.column + 1)
+    expected = (needed or "YAML").format(line=begun)
+    return TextError(f"found {found}; needed {expected}", mark.line + 1, mark.column + 1)
 
 
 def _position(text: str, mark: StringMark) -> int:

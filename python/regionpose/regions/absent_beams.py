@@ -1,4 +1,4 @@
-"""Beams of a scan without a return, where the order of its points tells them: each passed all that it would have met.
+"""Beams of a scan without a return, inferred from the order of its points: each passed all that it would have met.
 
 A spinning scanner sends its beams in rings, cones about its axis, by even turns. What a ring lacks between its returns,
 or an organized scan in its cells, are beams that came back from nowhere.
@@ -76,11 +76,11 @@ def absent_beams(
     grid_indices: ArrayLike | None = None,
     rings: ArrayLike | None = None,
 ) -> Array:
-    """The beams of one turn of a spinning scanner that gave no return, as far as its points tell them.
+    """The beams of one turn of a spinning scanner that gave no return, inferred from its points.
 
-    They are told by the cells of an organized scan; or by the rings that beams belong to, one after the other in the
+    They follow from the cells of an organized scan; or by the rings that beams belong to, one after the other in the
     order of the points unless their numbers are given. A beam is then absent where its ring has none, at an angle at
-    which any ring has one. A depth camera's cells tell nothing: what it misses beside an edge, it could not see.
+    which any ring has one. A depth camera's cells are no evidence: what it misses beside an edge, it could not see.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def absent_beams(
     Returns
     -------
     (k, 3) array
-        Unit vectors from the scanner; none where the order of the points tells no beams.
+        Unit vectors from the scanner; none where the points' order determines no beams.
 
     Raises
     ------
@@ -145,8 +145,8 @@ def absent_places(beams: Array, own: Array, reach: float, plane: PlaneSamples, s
     ahead = toward * np.sign(depth) > 0.0
     ranges = depth / toward[ahead]
     farthest = float(np.linalg.norm(own - sensor, axis=1).max())
-    told = (ranges <= farthest) | (ranges**2 <= np.abs(toward[ahead]) * reach**2)
-    places = sensor + ranges[told, None] * beams[ahead][told]
+    is_near = (ranges <= farthest) | (ranges**2 <= np.abs(toward[ahead]) * reach**2)
+    places = sensor + ranges[is_near, None] * beams[ahead][is_near]
     return np.asarray((places - plane.origin) @ plane.axes[:2].T)
 
 
@@ -223,12 +223,12 @@ def _regular(axis: Axis, directions: Array, ring: Indices, step: Indices, shape:
 def _of_all_rings(angles: Array, beam: float) -> Array:
     """The angles of rings that are evenly spaced to within a beam; else those of rings between others, NaN beyond."""
     rings, present = np.arange(len(angles)), np.flatnonzero(np.isfinite(angles))
-    known = np.unwrap(angles[present])
-    line = np.polyfit(present, known, 1) if len(present) > 1 else np.array([0.0, known[0]])
+    unwrapped = np.unwrap(angles[present])
+    line = np.polyfit(present, unwrapped, 1) if len(present) > 1 else np.array([0.0, unwrapped[0]])
     even = np.polyval(line, rings)
-    if np.abs(even[present] - known).max() <= beam:
+    if np.abs(even[present] - unwrapped).max() <= beam:
         return np.asarray(even)
-    return np.interp(rings, present, known, np.nan, np.nan)
+    return np.interp(rings, present, unwrapped, np.nan, np.nan)
 
 
 def _axes(directions: Array, ring: Indices) -> list[Axis]:

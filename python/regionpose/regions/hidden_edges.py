@@ -77,14 +77,14 @@ def traced_beside(mask: ArrayLike, unknown: ArrayLike) -> tuple[list[Array], Mas
     A contour runs among four pixels' centers everywhere; it is hidden where one of the four is unknown, and has a
     vertex where that begins. ValueError for arrays of other shapes or types, and where nothing is left.
     """
-    known, doubtful = checked_mask(mask).copy(), _unknown_pixels(unknown)
-    if known.shape != doubtful.shape:
-        raise ValueError(f"unknown has shape {doubtful.shape}; needed the mask's, {known.shape}")
-    if not np.any(known[~doubtful]):
+    certain, unknown_pixels = checked_mask(mask).copy(), _unknown_pixels(unknown)
+    if certain.shape != unknown_pixels.shape:
+        raise ValueError(f"unknown has shape {unknown_pixels.shape}; needed the mask's, {certain.shape}")
+    if not np.any(certain[~unknown_pixels]):
         raise ValueError("no pixel of the mask is known to be the region's; needed one that unknown leaves")
-    known[doubtful] = 0
-    rings, window = traced_mask(known)
-    split = [_split_at_unknown(ring, doubtful) for ring in rings]
+    certain[unknown_pixels] = 0
+    rings, window = traced_mask(certain)
+    split = [_split_at_unknown(ring, unknown_pixels) for ring in rings]
     if not any(marks.any() for _, marks in split):
         return rings, window, None
     return [ring for ring, _ in split], window, tuple(marks for _, marks in split)

@@ -14,7 +14,7 @@ from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.regions.hidden_edges import marked_edges, marked_lines, traced_beside
 from regionpose.regions.mask import MaskWindow, seam_free, traced_mask
-from regionpose.regions.pixel_edges import Border, border_lines, line_bearings, ring_bearings, seen_part, sides_of
+from regionpose.regions.pixel_edges import Border, border_lines, line_bearings, ring_bearings, sides_of, visible_part
 from regionpose.validation.arguments import checked_arguments
 from regionpose.validation.arrays import Array, KeptArrays, counter_clockwise, read_only, ring_list, signed_area
 from regionpose.validation.foreign import polygon_parts
@@ -55,7 +55,7 @@ class ImageRegion(KeptArrays):
         outermost centers; None stands for the camera's.
     hidden : tuple of (n,) arrays of bool, optional
         For each ring, whether the edges that start at its vertices are hidden: edges of what stands before the region,
-        or that nobody saw; None where none is.
+        or unobserved; None where none is.
 
     Raises
     ------
@@ -109,7 +109,7 @@ class ImageRegion(KeptArrays):
         return cls._valid(checked, hidden=marked_edges(given, checked, hidden_edges))
 
     def __post_init__(self) -> None:
-        """Check rings and marks, and keep copies that nobody can write to."""
+        """Check rings and marks, and keep read-only copies."""
         given = ring_list(self.rings, 2)
         rings = _core.plane_rings(given, polygon=False)
         self._keep("rings", rings)
@@ -154,8 +154,8 @@ class ImageRegion(KeptArrays):
         mask : (h, w) array
             Bool, two-valued integers (0 and another), or coverage in [0, 1].
         unknown : (h, w) array, optional
-            Bool, or numbers that count where they aren't 0: pixels that may be the region's or not, whatever the mask
-            says, such as an occluder's; the contour beside them is hidden.
+            Bool, or numbers that count where they aren't 0: pixels that may be the region's or not, whatever the mask's
+            value, such as an occluder's; the contour beside them is hidden.
         panorama : bool
             Whether the left side of the mask continues its right side, as of an `EquirectangularCamera`: a region on
             both then goes on across the seam, its pixels beyond the right side, without a `mask` to take sums over.
@@ -265,7 +265,9 @@ class ImageRegion(KeptArrays):
         if not sides.any():
             return []
         lines = border_lines(border, np.concatenate(self.rings), [bool(side) for side in sides])
-        return [line_bearings(camera, part, "the image border") for line in lines for part in seen_part(camera, line)]
+        return [
+            line_bearings(camera, part, "the image border") for line in lines for part in visible_part(camera, line)
+        ]
 
     def _border(self, camera: Camera) -> Border | None:
         if self.border is not None or camera.width is None or camera.height is None:

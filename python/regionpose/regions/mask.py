@@ -40,7 +40,7 @@ class MaskWindow(KeptArrays):
     _kept: NDArray[Any] = field(repr=False)
 
     def __init__(self, coverage: NDArray[Any], offset: tuple[int, int], shape: tuple[int, int]) -> None:
-        """Check that the window lies in the image, and keep what nobody can write to."""
+        """Check that the window lies in the image, and keep a read-only array."""
         if coverage.ndim != 2:
             raise ValueError(f"coverage has shape {coverage.shape}; needed (rows, columns)")
         (rows, columns), (left, top), (height, width) = coverage.shape, offset, shape

@@ -37,13 +37,13 @@ EVEN_ROUNDS = 4
 """Rounds in which the spacing of samples is made even: the first does so on a lattice, two or three on a scan."""
 
 GROWTH_STEPS = 4
-"""Steps of Newton's method in which an outline grows; its area is all but quadratic, so that three settle it."""
+"""Steps of Newton's method in which an outline grows; its area is all but quadratic, so that three suffice."""
 
 RIGHT_ANGLE = 1e-6
 """Cosine up to which an angle counts as a right one, for lattices that are rounded."""
 
 SPARSE_SHARE = 0.05
-"""Share of the patch that samples may miss, or its area be unsure of, before that is said. A convention."""
+"""Share of the patch that samples may miss, or by which its area is uncertain, before a warning. A convention."""
 
 
 PACKAGE = __name__.partition(".")[0]
@@ -57,12 +57,12 @@ _handler: ContextVar[Callable[[str], object] | None] = ContextVar("_handler", de
 
 
 @contextmanager
-def sparse_sampling_handler(tell: Callable[[str], object]) -> Iterator[None]:
-    """In the block, in this thread, `tell` gets the messages of what would be a SparseSamplingWarning else.
+def sparse_sampling_handler(handle: Callable[[str], object]) -> Iterator[None]:
+    """In the block, in this thread, `handle` gets the messages that would otherwise be a SparseSamplingWarning.
 
     Filters of warnings are the whole process's: threads that change and restore them leave them changed.
     """
-    token = _handler.set(tell)
+    token = _handler.set(handle)
     try:
         yield
     finally:
@@ -70,10 +70,10 @@ def sparse_sampling_handler(tell: Callable[[str], object]) -> Iterator[None]:
 
 
 def _warn(message: str) -> None:
-    """Tell who wants to know, else warn at the line outside of the package that led here."""
-    tell = _handler.get()
-    if tell is not None:
-        tell(message)
+    """Pass the message to the handler, else warn at the calling line outside of the package."""
+    handle = _handler.get()
+    if handle is not None:
+        handle(message)
         return
     level, frame = 1, sys._getframe()
     while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == PACKAGE:
@@ -103,7 +103,7 @@ def outline_of_points(
     runs through the outermost samples. `radius_m` is that of the alpha shape: gaps that a disc of this radius
     passes stay open; without it it is chosen from the spacing. With the scanner's position `sensor_origin` (3,) the
     samples are moved onto the plane along their beams, which range noise doesn't move sideways. A SparseSamplingWarning
-    tells that the samples are too sparse to show the outline. ValueError for values that are not finite, fewer than 3
+    reports samples too sparse to show the outline. ValueError for values that are not finite, fewer than 3
     points, points that are identical, on one line or on a single scan line, or a radius that is not positive.
     """
     checked = None if radius_m is None else checked_radius(radius_m)
@@ -113,7 +113,7 @@ def outline_of_points(
 
 
 def checked_radius(radius: object) -> float:
-    """`radius` as a positive number, infinite for the convex hull; ValueError that says what was found otherwise."""
+    """`radius` as a positive number, infinite for the convex hull; ValueError otherwise."""
     if isinstance(radius, bool) or not isinstance(radius, int | float | np.integer | np.floating):
         raise ValueError(f"radius_m is a {type(radius).__name__}; needed a positive number of meters")
     if not radius > 0.0:
@@ -125,7 +125,7 @@ def flat_outline(points: Array, *, radius: float | None = None, correct_sampling
     """The rings (m, 2) around samples (n, 2) of a plane: the outer one first, counter-clockwise, then its holes.
 
     They are taken where the samples are equally far apart in all directions: along the lines of a scan and across them.
-    A SparseSamplingWarning tells that few rows of samples cross the patch, or that the outline misses a part of it.
+    A SparseSamplingWarning reports few rows of samples across the patch, or an outline that misses a part of it.
     """
     points = thinned(points)
     squared = _spacing_squared(points)
@@ -184,7 +184,7 @@ def _spacing_squared(points: Array) -> Array:
     `points @ matrix`.
 
     The mean length of the steps to neighbors, each counted along its own direction, is then the same along all axes.
-    Where it isn't, the ratio is that of the spacings. Neighbors are found anew after each round.
+    Where it isn't, the ratio is that of the spacings. Neighbors are recomputed after each round.
     """
     matrix: Array = np.eye(2)
     for _ in range(EVEN_ROUNDS):

@@ -26,10 +26,10 @@ MOST_PARTS = 1000
 """Parts of one edge at the most; an edge that bends more lies where the camera's model ends."""
 
 BORDER_BEND_TOLERANCE_PX = 0.02
-"""As `BEND_TOLERANCE_PX`, for the image's border beside a region: predictions are cut there anew for each pose."""
+"""As `BEND_TOLERANCE_PX`, for the image's border beside a region: predictions are clipped there for each pose."""
 
 BORDER_SAMPLES = 128
-"""Places of each side of the border at which a camera is asked for a ray: a fisheye has none in the corners."""
+"""Places of each side of the border at which a camera's rays are computed: a fisheye has none in the corners."""
 
 
 def sides_of(border: Border) -> list[tuple[int, float, float]]:
@@ -60,14 +60,14 @@ def border_lines(border: Border, vertices: Array, sides: list[bool]) -> list[Arr
     return lines
 
 
-def seen_part(camera: Camera, line: Array) -> list[Array]:
+def visible_part(camera: Camera, line: Array) -> list[Array]:
     """The longest part of a line of pixels (m, 2) along which the camera sees rays; none where it is a point."""
     shares = np.linspace(0.0, 1.0, BORDER_SAMPLES + 1)[:-1, None]
     samples = np.concatenate([*(a + shares * (b - a) for a, b in pairwise(line)), line[-1:]])
-    seen = np.isfinite(camera.bearings(samples)).all(axis=1)
-    if seen.all():
+    is_visible = np.isfinite(camera.bearings(samples)).all(axis=1)
+    if is_visible.all():
         return [line]
-    bounds = np.flatnonzero(np.diff(np.concatenate([[0], seen.astype(np.int8), [0]])))
+    bounds = np.flatnonzero(np.diff(np.concatenate([[0], is_visible.astype(np.int8), [0]])))
     start, stop = max(zip(bounds[::2], bounds[1::2], strict=True), key=lambda run: run[1] - run[0], default=(0, 0))
     if stop - start < 2:
         return []

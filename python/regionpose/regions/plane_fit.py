@@ -20,7 +20,7 @@ INLIER_SIGMAS = 3.0
 """Points farther from the plane than this many standard deviations have no part in it."""
 
 REFITS = 10
-"""Least squares fits to the inliers at the most; they settle in two or three."""
+"""Least squares fits to the inliers at the most; they converge in two or three."""
 
 LINE_WIDTH_SHARE = 0.15
 """Width over length below which the points on a plane may be one scan line, which its beams' plane holds without any

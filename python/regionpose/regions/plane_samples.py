@@ -30,8 +30,8 @@ LINE_STEPS = 0.25
 tenth of the samples on one of them, two steps apart, are 0.6."""
 
 MOST_SAMPLES = 20_000
-"""Samples from which a plane and an outline are taken: 140 across the patch tell its area to a thousandth, and more
-change the plane by less than a hundredth of the noise."""
+"""Samples from which a plane and an outline are taken: 140 across the patch determine its area to a thousandth, and
+more change the plane by less than a hundredth of the noise."""
 
 
 class PlaneSamples(NamedTuple):
@@ -58,12 +58,12 @@ def plane_samples(points: ArrayLike, sensor_origin: ArrayLike | None = None) -> 
     given, sensor = checked_points(points), checked_sensor(sensor_origin)
     origin, axes, _ = robust_plane(given[:: max(1, len(given) // MOST_SAMPLES)], sensor)
     samples = flat_samples(given, origin, axes, sensor)
-    if _on_one_line(samples.flat) if sensor is None else seen_on_one_line(given, sensor):
+    if _on_one_line(samples.flat) if sensor is None else is_on_one_scan_line(given, sensor):
         raise ValueError(f"{len(given)} points lie on one scan line; needed points on lines across the patch")
     return samples
 
 
-def seen_on_one_line(points: Array, sensor: Array) -> bool:
+def is_on_one_scan_line(points: Array, sensor: Array) -> bool:
     """Whether points (n, 3) lie on one scan line of a sensor at (3,), wherever range noise puts them."""
     # Three may be the corners of a triangle, but for a sensor's steps.
     return _on_one_line(_sights(points, sensor), min(PARABOLA, len(points) - 1))
@@ -131,15 +131,15 @@ def checked_points(points: ArrayLike) -> Array:
     if len(wrong):
         raise ValueError(f"point {wrong[0]} is {given[wrong[0]].tolist()}; needed finite coordinates")
     check_coordinates(given)
-    others = given[(given != given[0]).any(axis=1)] if len(given) else given
-    if len(others) < 2 or (others == others[0]).all():
+    distinct = given[(given != given[0]).any(axis=1)] if len(given) else given
+    if len(distinct) < 2 or (distinct == distinct[0]).all():
         raise ValueError(f"{len(given)} points are given, of which fewer than 3 differ; needed at least 3")
     check_extent(given)
     return given
 
 
 def checked_sensor(sensor_origin: ArrayLike | None) -> Array | None:
-    """The sensor's place (3,), if it is known; ValueError that says what was found otherwise."""
+    """The sensor's place (3,), if it is given; ValueError otherwise."""
     if sensor_origin is None:
         return None
     sensor = np.asarray(sensor_origin, dtype=np.float64)

@@ -19,7 +19,7 @@ from regionpose.regions.plane_samples import (
     checked_points,
     checked_sensor,
     flat_samples,
-    seen_on_one_line,
+    is_on_one_scan_line,
 )
 from regionpose.regions.scan_samples import (
     BESIDE,
@@ -30,7 +30,7 @@ from regionpose.regions.scan_samples import (
     Sight,
     joined,
     other_places,
-    some,
+    subsample,
 )
 from regionpose.validation.arrays import Array
 
@@ -61,7 +61,7 @@ def line_samples(
     as of `plane_samples`.
     """
     own, sensor = checked_points(points[members]), checked_sensor(sensor_origin)
-    if sensor is None or not seen_on_one_line(own, sensor):
+    if sensor is None or not is_on_one_scan_line(own, sensor):
         return None
     plane = _facing_plane(own, sensor)
     inside = plane.flat[:, :1]
@@ -70,8 +70,8 @@ def line_samples(
     # Beams of other lines pass the region's plane at places that depend on how it is tilted.
     beside = np.array([BESIDE * (float(np.ptp(inside)) + step), step])
     window = (plane.flat.min(axis=0) - beside, plane.flat.max(axis=0) + beside)
-    others = other_places(points, members, Sight(plane, window, sensor), absent)
-    passed, neighbors = (places[:, :1] for places in others)
+    places_beyond = other_places(points, members, Sight(plane, window, sensor), absent)
+    passed, neighbors = (places[:, :1] for places in places_beyond)
     if extends and len(neighbors):
         neighbors = neighbors[~joined(inside, neighbors)]
     outside = np.concatenate([passed, neighbors])
@@ -104,7 +104,7 @@ def _informative(inside: Array, outside: Array) -> ScanSamples:
     # How many places lie between each and the nearest change of kind.
     between = cKDTree(changes[:, None]).query(np.arange(len(places), dtype=np.float64)[:, None])[0]
     nearest = order[np.argsort(between, kind="stable")]
-    kept = np.concatenate([nearest[:EDGE_SAMPLES], some(nearest[EDGE_SAMPLES:], OTHER_SAMPLES)])
+    kept = np.concatenate([nearest[:EDGE_SAMPLES], subsample(nearest[EDGE_SAMPLES:], OTHER_SAMPLES)])
     # In no order: every so many of them are then as even as all.
     kept = np.random.default_rng(0).permutation(kept)
     flat = np.column_stack([places, np.zeros(len(places))])

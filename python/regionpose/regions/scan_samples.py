@@ -1,7 +1,7 @@
 """What a scan knows of a planar region: places on its plane that beams found to be the region, and places that are not.
 
 A lidar does not measure an outline. Each of its beams met the region, passed the plane beside it, or ended before the
-plane and says nothing.
+plane and is no evidence.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ EDGE_SAMPLES = 800
 """Samples of either kind together, next to one of the other kind, that are kept: a pose is known no better by more."""
 
 OTHER_SAMPLES = 200
-"""Other samples that are kept: far from all edges they tell a wrong pose from a right one and no more."""
+"""Other samples that are kept: far from all edges they only separate wrong poses from right ones."""
 
 MOST_TRIANGULATED = 20_000
 """Samples that are joined to find neighbors; of more those near the edges alone, cell by cell."""
@@ -78,7 +78,7 @@ def scan_samples(
 
     Outside are the places where beams passed the plane, and returns on the plane that are no members; with `extends`
     not those that are joined to members without a gap. Beams without a return, directions `absent` (k, 3), passed the
-    plane, too. Without `sensor_origin` returns alone tell. None where nothing is known to be outside, or these don't
+    plane, too. Without `sensor_origin` only returns count. None where nothing is known to be outside, or these don't
     surround the region. Of many samples those next to the other kind are kept, and a few of the rest.
     """
     inside = plane.flat
@@ -96,7 +96,7 @@ def scan_samples(
 
 
 class Sight(NamedTuple):
-    """What may tell of a window of a plane: from the sensor, or of points on the plane alone where that isn't known."""
+    """The points that are evidence for a window of a plane: of beams through it, or on the plane alone."""
 
     plane: PlaneSamples
     window: tuple[Array, Array]
@@ -123,8 +123,8 @@ class Sight(NamedTuple):
             return inside
         ways, axis, offsets = corners - self.sensor, middle - self.sensor, points - self.sensor
         least = float((ways @ axis / np.linalg.norm(ways, axis=1)).min())
-        seen: Mask = offsets @ axis >= least * np.linalg.norm(offsets, axis=1)
-        return seen
+        is_within_cone: Mask = offsets @ axis >= least * np.linalg.norm(offsets, axis=1)
+        return is_within_cone
 
     def _sides(self, axis: int) -> tuple[float, float]:
         return float(self.window[0][axis]), float(self.window[1][axis])
@@ -142,8 +142,8 @@ def other_places(
     passed, ended = [], []
     for first in range(0, len(points), CHUNK):
         part = slice(first, first + CHUNK)
-        others = points[part][sight.reaches(points[part]) & ~is_member[part]]
-        through, on_plane = _places(others[sight.holds(others)], sight)
+        candidates = points[part][sight.reaches(points[part]) & ~is_member[part]]
+        through, on_plane = _places(candidates[sight.holds(candidates)], sight)
         passed.append(through)
         ended.append(on_plane)
     if absent is not None and sight.sensor is not None:
@@ -183,7 +183,7 @@ def joined(inside: Array, neighbors: Array) -> Mask:
 
     The same of both on a line, (m, 1) and (n, 1).
     """
-    reach = bridging_radius(some(inside, MOST_TRIANGULATED))
+    reach = bridging_radius(subsample(inside, MOST_TRIANGULATED))
     near = cKDTree(inside).query(neighbors, distance_upper_bound=reach)[0] <= reach
     pairs = cKDTree(neighbors).query_pairs(reach, output_type="ndarray")
     count = len(neighbors)
@@ -196,7 +196,7 @@ def joined(inside: Array, neighbors: Array) -> Mask:
 def _surrounded(inside: Array, outside: Array, rings: list[Array]) -> bool:
     """Whether most of the outermost of the samples (n, 2) have one outside (m, 2) a gap away."""
     rim = inside[_on_rim(inside, np.ones(len(inside), dtype=np.bool_), rings)]
-    reach = bridging_radius(some(inside, MOST_TRIANGULATED))
+    reach = bridging_radius(subsample(inside, MOST_TRIANGULATED))
     near = cKDTree(outside).query(rim, distance_upper_bound=reach)[0] <= reach
     return bool(np.mean(near) >= LEAST_SURROUNDED)
 
@@ -206,10 +206,10 @@ def _informative(inside: Array, outside: Array, rings: list[Array]) -> ScanSampl
     places = np.concatenate([inside, outside])
     is_inside = np.arange(len(places)) < len(inside)
     kept = _near_edges(places, is_inside)
-    at_edge = _beside_others(places[kept], is_inside[kept]) | _on_rim(places[kept], is_inside[kept], rings)
+    at_edge = _is_at_boundary(places[kept], is_inside[kept]) | _on_rim(places[kept], is_inside[kept], rings)
     edge = np.zeros(len(places), dtype=np.bool_)
     edge[kept[at_edge]] = True
-    chosen = [some(np.flatnonzero(edge), EDGE_SAMPLES), some(np.flatnonzero(~edge), OTHER_SAMPLES)]
+    chosen = [subsample(np.flatnonzero(edge), EDGE_SAMPLES), subsample(np.flatnonzero(~edge), OTHER_SAMPLES)]
     # In no order: every so many of them are then as even as all.
     order = np.random.default_rng(0).permutation(np.concatenate(chosen))
     return ScanSamples.of(places[order[is_inside[order]]], places[order[~is_inside[order]]])
@@ -234,7 +234,7 @@ def enclosed(inside: Array, outside: Array) -> Mask:
     return surrounded
 
 
-def some(items: NDArray[Kind], most: int) -> NDArray[Kind]:
+def subsample(items: NDArray[Kind], most: int) -> NDArray[Kind]:
     """At most so many of the items, chosen without order."""
     if len(items) <= most:
         return items
@@ -263,7 +263,7 @@ def _near_edges(places: Array, is_inside: Mask) -> NDArray[np.intp]:
     # Whole cells, so that neighbors stay neighbors.
     used = np.unique(number[near])
     share = MOST_TRIANGULATED / len(near)
-    thinned: NDArray[np.intp] = near[np.isin(number[near], some(used, int(share * len(used))))]
+    thinned: NDArray[np.intp] = near[np.isin(number[near], subsample(used, int(share * len(used))))]
     return thinned
 
 
@@ -275,7 +275,7 @@ def _dilated(cells: Mask) -> Mask:
     return grown
 
 
-def _beside_others(places: Array, is_inside: Mask) -> Mask:
+def _is_at_boundary(places: Array, is_inside: Mask) -> Mask:
     """Whether each place (n, 2) has a natural neighbor of the other kind."""
     try:
         triangles = Delaunay(places - places.mean(axis=0)).simplices

@@ -40,7 +40,7 @@ Given = ArrayLike | list[Array]
 class Step(NamedTuple):
     """A function of the core that made a region, or a method of it, and what it was given.
 
-    From what a region says of itself, which is rounded, another would come that differs in its last digits.
+    Its own arrays are rounded: a region made from them would differ in the last digits.
     """
 
     name: str
@@ -202,9 +202,9 @@ class WorldRegion:
 
         A beam that ended beyond the plane passed it at a place outside of the region; so is a return on the plane that
         is no member, unless it joins members without a gap and the region `extends` there. Beams that ended before the
-        plane say nothing. Where the returns on the plane don't surround the region, or nothing is known beside it, it
-        is that of `from_points`. What the places beside it leave open, as before the sky, the outline of its returns
-        tells as far as it is good.
+        plane are no evidence. Where the returns on the plane don't surround the region, or nothing is known beside it,
+        it is that of `from_points`. What the places beside it leave open, as before the sky, the outline of its returns
+        constrains the pose as far as it is good.
 
         Members on a single scan line show a line of the region's plane alone. With `sensor_origin`, what the scan knows
         along it counts: where the region begins and ends there. A pose needs other regions beside it.
@@ -220,7 +220,7 @@ class WorldRegion:
         extends : bool
             Whether the region may go on beyond its members; False by default.
         absent_beams : (j, 3) array, optional
-            Directions of the scan's beams that gave no return, as `absent_beams` tells them: they passed the plane,
+            Directions of the scan's beams that gave no return, as of `absent_beams`: they passed the plane,
             too, where it would have sent one. They count with `sensor_origin` alone.
 
         Raises
@@ -298,8 +298,8 @@ class WorldRegion:
 
         Those outside that the region encloses come last; they count where the image's region has a hole, too.
         """
-        known = self.core.samples
-        return None if known is None else (known[0], np.concatenate(known[1:]))
+        samples = self.core.samples
+        return None if samples is None else (samples[0], np.concatenate(samples[1:]))
 
     @property
     def is_line(self) -> bool:
@@ -327,11 +327,11 @@ class WorldRegion:
         return self.core.is_planar
 
     def __repr__(self) -> str:
-        """What it holds, in square meters and numbers."""
+        """Area, square meters, and numbers of vertices and samples."""
         samples = self.samples
-        known = "" if samples is None else f", samples={len(samples[0])} inside, {len(samples[1])} outside"
-        known += ", is_line=True" if self.is_line else ""
-        return f"WorldRegion(area={self.area:.6g}, vertices={sum(map(len, self.rings))}{known})"
+        details = "" if samples is None else f", samples={len(samples[0])} inside, {len(samples[1])} outside"
+        details += ", is_line=True" if self.is_line else ""
+        return f"WorldRegion(area={self.area:.6g}, vertices={sum(map(len, self.rings))}{details})"
 
     @classmethod
     def _made(cls, name: str, *given: Given) -> WorldRegion:

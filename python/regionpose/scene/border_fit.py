@@ -61,7 +61,7 @@ class BorderFit:
     pieces: int
 
     @property
-    def is_shown(self) -> Flags:
+    def has_edge(self) -> Flags:
         """Of which sides (n,) the photo shows an edge."""
         return np.asarray(self.border.is_end & (self.ratios >= LEAST_RATIO))
 
@@ -71,25 +71,25 @@ class BorderFit:
         return rank_log_odds(self.score, self.turned)
 
     @cached_property
-    def shown_share(self) -> float:
+    def edge_fraction(self) -> float:
         """Share of the border where the photo shows an edge."""
-        return float(self.is_shown[self.border.pieces.sides].mean())
+        return float(self.has_edge[self.border.pieces.sides].mean())
 
     @cached_property
-    def held(self) -> float:
+    def least_information(self) -> float:
         """What the shown sides determine of the border's place and size: the least eigenvalue of the mean information
         of a shift and a scale, 0.5 of a circle that is shown all around.
         """
         pieces = self.border.pieces
-        shown = self.is_shown[pieces.sides]
+        has_edge = self.has_edge[pieces.sides]
         offsets = pieces.places - pieces.places.mean(axis=0)
         size = float(np.sqrt(np.mean(np.sum(offsets**2, axis=1))))
-        rows = np.column_stack([pieces.normals, np.sum(pieces.normals * offsets, axis=1) / size])[shown]
+        rows = np.column_stack([pieces.normals, np.sum(pieces.normals * offsets, axis=1) / size])[has_edge]
         return float(np.linalg.eigvalsh(rows.T @ rows / len(pieces.sides))[0])
 
 
 def fitted(photo: Photo, camera: Camera, border: Border, gap_px: float) -> BorderFit | None:
-    """How a border fits a photo; None where too little of it is a surface's end to tell.
+    """How a border fits a photo; None where too little of it is a surface's end.
 
     `gap_px`: the gap between neighboring points of the cloud.
     """
@@ -117,16 +117,16 @@ def joint_log_odds(fits: Sequence[BorderFit]) -> float:
     # A border that a turned camera does not see is there what it is elsewhere.
     turned = [np.where(np.isnan(fit.turned), np.nanmean(fit.turned), fit.turned) for fit in fits]
     score = sum(weight * fit.score for weight, fit in zip(weights, fits, strict=True))
-    others = sum((weight * each for weight, each in zip(weights, turned, strict=True)), np.zeros(TURNED_COUNT))
-    return rank_log_odds(float(score), others)
+    null_scores = sum((weight * each for weight, each in zip(weights, turned, strict=True)), np.zeros(TURNED_COUNT))
+    return rank_log_odds(float(score), null_scores)
 
 
-def rank_log_odds(score: float, others: Array) -> float:
+def rank_log_odds(score: float, null_scores: Array) -> float:
     """Logarithm of the odds that a score is no other one of (n,), NaN left out: by its rank among all, so that of
     scores by chance one in ten has odds of 9 to 1 or more.
     """
-    known = others[np.isfinite(others)]
-    share = (1.0 + np.count_nonzero(known >= score)) / (1.0 + len(known))
+    finite = null_scores[np.isfinite(null_scores)]
+    share = (1.0 + np.count_nonzero(finite >= score)) / (1.0 + len(finite))
     return float(np.log((1.0 - share) / share)) if share < 1.0 else -np.inf
 
 
@@ -154,8 +154,8 @@ def _score(photo: Photo, spread_px: float, pieces: Pieces, count: int, reach: fl
     """The sum of log ratios along sides that are moved to where it is largest, as of all pieces where the photo shows
     some alone; NaN where it shows too few.
     """
-    _, sums, seen = _best(photo, spread_px, pieces, count, reach)
-    share = float(np.mean(seen))
+    _, sums, is_inside = _best(photo, spread_px, pieces, count, reach)
+    share = float(np.mean(is_inside))
     return float(sums.sum()) / share if share >= LEAST_IN_VIEW else float("nan")
 
 
@@ -166,7 +166,7 @@ def _best(photo: Photo, spread_px: float, pieces: Pieces, count: int, reach: flo
     # At half steps, between which the offsets of pieces are rounded.
     offsets = np.linspace(-reach, reach, 2 * STEPS - 1)
     places = pieces.places[:, None] + offsets[:, None] * pieces.normals[:, None]
-    values, seen = _log_ratios(photo, spread_px, places, pieces.normals)
+    values, is_inside = _log_ratios(photo, spread_px, places, pieces.normals)
     starts, ends = (each.ravel() for each in np.indices((STEPS, STEPS)))
     columns = np.round(2.0 * (starts + (ends - starts) * pieces.along[:, None])).astype(np.int64)
     sums = np.zeros((count, len(starts)))
@@ -175,7 +175,7 @@ def _best(photo: Photo, spread_px: float, pieces: Pieces, count: int, reach: flo
     # A surface's end is off by half the reach, one sigma.
     prior = np.square(moved[starts] / reach) + np.square(moved[ends] / reach)
     best = np.argmax(sums - prior, axis=1)
-    return np.column_stack([moved[starts], moved[ends]])[best], sums[np.arange(count), best], seen[:, STEPS - 1]
+    return np.column_stack([moved[starts], moved[ends]])[best], sums[np.arange(count), best], is_inside[:, STEPS - 1]
 
 
 def _log_ratios(photo: Photo, spread_px: float, places: Array, normals: Array) -> tuple[Array, Flags]:
@@ -186,11 +186,11 @@ def _log_ratios(photo: Photo, spread_px: float, places: Array, normals: Array) -
     height, width = pictures.shape[1:]
     across = np.nan_to_num(np.arctan2(normals[:, 1], normals[:, 0]) / np.pi * DIRECTIONS)
     direction = (np.round(across).astype(np.int64) % DIRECTIONS)[:, None]
-    seen = np.asarray(np.all((places >= 0.0) & (places <= (width - 1.0, height - 1.0)), axis=-1))
-    x, y = np.moveaxis(np.where(seen[..., None], places, 0.0), -1, 0)
+    is_inside = np.asarray(np.all((places >= 0.0) & (places <= (width - 1.0, height - 1.0)), axis=-1))
+    x, y = np.moveaxis(np.where(is_inside[..., None], places, 0.0), -1, 0)
     left, top = (np.clip(each.astype(np.int64), 0, size - 2) for each, size in ((x, width), (y, height)))
     u, v = x - left, y - top
     upper, lower = (
         pictures[direction, row, left] * (1.0 - u) + pictures[direction, row, left + 1] * u for row in (top, top + 1)
     )
-    return np.where(seen, upper * (1.0 - v) + lower * v, 0.0), seen
+    return np.where(is_inside, upper * (1.0 - v) + lower * v, 0.0), is_inside

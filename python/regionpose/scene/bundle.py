@@ -114,11 +114,13 @@ def bundle(run: SceneEstimate, stages: Stages, truth: Truth | None = None, folde
     writers = {name: writer for frame in frames for name, writer in frame.writers.items()}
     figures = [figure for frame in frames for figure in frame.figures]
     solids = [figure for frame in frames for figure in frame.solids]
-    judged, title = verdict(run), f"Camera pose of {run.scene.path.stem}"
-    result = scene_result(run, folder) | {"verdict": judged.values}
+    assessment, title = verdict(run), f"Camera pose of {run.scene.path.stem}"
+    result = scene_result(run, folder) | {"verdict": assessment.values}
     if truth is not None:
         result["truth_errors"] = truth_errors(run.estimate.pose, truth)
-    html = report_html(Report(title, judged.level, judged.headline, judged.remarks, result, figures, solids))
+    html = report_html(
+        Report(title, assessment.level, assessment.headline, assessment.remarks, result, figures, solids)
+    )
     text = json.dumps(result, indent=2, allow_nan=False) + "\n"
     writers[REPORT] = lambda path: path.write_text(html, encoding="utf-8")
     writers[RESULT] = lambda path: path.write_text(text, encoding="utf-8")
@@ -222,10 +224,10 @@ def overlay_of(
     """The image with both sides of each region at a pose, and their overlap errors, or shares of samples instead."""
     sides = run.sides
     regions = [side.region for side in sides.world_sides]
-    shown = np.where(np.isfinite(shares), shares, errors) if len(shares) else np.asarray(errors)
+    ranking = np.where(np.isfinite(shares), shares, errors) if len(shares) else np.asarray(errors)
     labels = [
         f"{name}  {100.0 * value:.1f} %" if np.isfinite(value) else name
-        for name, value in zip(sides.names, shown, strict=True)
+        for name, value in zip(sides.names, ranking, strict=True)
     ]
     return overlay_regions(sides.image, sides.camera, pose, sides.image_regions, regions, labels)
 
@@ -253,6 +255,6 @@ def _grays(cloud: Cloud) -> NDArray[np.float64]:
     """A gray (n,) of each point: its intensity where it is known."""
     if cloud.intensity is None:
         return np.full(len(cloud), 255.0 * UNSEEN)
-    known = np.nan_to_num(cloud.intensity, nan=0.0, posinf=0.0, neginf=0.0)
-    brightest = float(np.percentile(known, 98)) or 1.0
-    return 255.0 * UNSEEN * np.clip(known / brightest, 0.25, 1.0)
+    intensity = np.nan_to_num(cloud.intensity, nan=0.0, posinf=0.0, neginf=0.0)
+    brightest = float(np.percentile(intensity, 98)) or 1.0
+    return 255.0 * UNSEEN * np.clip(intensity / brightest, 0.25, 1.0)

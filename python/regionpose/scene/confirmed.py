@@ -58,7 +58,7 @@ class ConfirmedRegion(KeptArrays):
         Of these points, ascending.
     log_odds : float
         Logarithm of the odds that the border lies on edges of the photo by more than chance.
-    shown_share : float
+    edge_fraction : float
         Share of the border where the photo shows an edge.
     """
 
@@ -67,12 +67,12 @@ class ConfirmedRegion(KeptArrays):
     world: WorldRegion
     indices: Indices
     log_odds: float
-    shown_share: float
+    edge_fraction: float
 
     def __repr__(self) -> str:
         """Its name, and how well it is confirmed."""
-        shown = f"points={len(self.indices)}, log_odds={self.log_odds:.1f}, shown_share={self.shown_share:.2f}"
-        return f"ConfirmedRegion({self.name!r}, {shown})"
+        has_edge = f"points={len(self.indices)}, log_odds={self.log_odds:.1f}, edge_fraction={self.edge_fraction:.2f}"
+        return f"ConfirmedRegion({self.name!r}, {has_edge})"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -222,8 +222,8 @@ def region_check(
 ) -> RegionCheck:
     """The check of a pose by edges; `frames` and `sensor_origin` as of `calibrate`, which found it."""
     planes = tuple(
-        None if frame is None else confirmed_regions(frame, found.pose, sensor_origin=sensor_origin, progress=told)
-        for frame, told in with_progress(frames, progress)
+        None if frame is None else confirmed_regions(frame, found.pose, sensor_origin=sensor_origin, progress=share)
+        for frame, share in with_progress(frames, progress)
     )
     pairs = [(frame, own) for frame, own in zip(frames, planes, strict=True) if frame is not None and own is not None]
     estimate = region_pose(pairs, found.prior, solver)
@@ -253,7 +253,7 @@ def _fits(view: View, surfaces: Sequence[Outline]) -> list[tuple[Outline, Border
 
 def _region(view: View, surface: Outline, fit: BorderFit, scanner: Array | None, name: str) -> ConfirmedRegion | None:
     """The region of a border that is confirmed; None of others."""
-    if fit.log_odds < LEAST_LOG_ODDS or fit.held < LEAST_HELD or fit.shown_share < LEAST_SHOWN:
+    if fit.log_odds < LEAST_LOG_ODDS or fit.least_information < LEAST_HELD or fit.edge_fraction < LEAST_SHOWN:
         return None
     try:
         image = _image_region(view, fit)
@@ -262,22 +262,22 @@ def _region(view: View, surface: Outline, fit: BorderFit, scanner: Array | None,
     except ValueError:
         # Sides that cross once they are moved, or points that show no outline.
         return None
-    return ConfirmedRegion(name, image, world, surface.members, fit.log_odds, fit.shown_share)
+    return ConfirmedRegion(name, image, world, surface.members, fit.log_odds, fit.edge_fraction)
 
 
 def _image_region(view: View, fit: BorderFit) -> ImageRegion:
     """The border with its shown sides on the photo's edges; ValueError where they cross."""
-    photo, border, shown = view.frame.photo, fit.border, fit.is_shown
+    photo, border, has_edge = view.frame.photo, fit.border, fit.has_edge
     ring, steps = border.ring, np.roll(border.ring, -1, axis=0) - border.ring
     normals = np.column_stack([steps[:, 1], -steps[:, 0]]) / np.linalg.norm(steps, axis=1)[:, None]
-    offsets = np.where(shown[:, None], fit.offsets, 0.0)
+    offsets = np.where(has_edge[:, None], fit.offsets, 0.0)
     starts, ends = ring + offsets[:, :1] * normals, ring + steps + offsets[:, 1:] * normals
     vertices = np.array(
         [
             _corner(starts[side - 1], ends[side - 1], starts[side], ends[side])
-            if shown[side - 1] and shown[side]
+            if has_edge[side - 1] and has_edge[side]
             else ends[side - 1]
-            if shown[side - 1]
+            if has_edge[side - 1]
             else starts[side]
             for side in range(len(ring))
         ]
@@ -285,7 +285,7 @@ def _image_region(view: View, fit: BorderFit) -> ImageRegion:
     last = np.array(photo.luminance.shape[::-1]) - 0.5
     pixels = photo.pixels(np.clip(vertices, -0.5, last))
     # The sides of a panorama are no border of it.
-    is_hidden = ~shown if view.frame.camera.period is not None else ~(shown | border.is_cut)
+    is_hidden = ~has_edge if view.frame.camera.period is not None else ~(has_edge | border.is_cut)
     return ImageRegion.from_polygon(pixels, hidden_edges=np.flatnonzero(is_hidden).tolist())
 
 

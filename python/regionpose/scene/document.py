@@ -58,7 +58,7 @@ def written_place(place: Place) -> str:
 
 
 def brief(value: object) -> str:
-    """What a message says was found: lists and mappings by their kind, the rest as written, cut to a length that
+    """A found value for a message: lists and mappings by their kind, the rest as written, cut to a length that
     fits.
     """
     if isinstance(value, dict):

@@ -27,7 +27,7 @@ from regionpose.validation.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class Unpaired:
-    """Regions in the image and in the world of which it isn't known which is which, and their names."""
+    """Image regions and world regions without correspondences, and their names."""
 
     image_names: tuple[str, ...] = ()
     image_regions: tuple[ImageRegion, ...] = ()
@@ -61,7 +61,7 @@ class SceneData:
 
     `cloud.local_points` and the world sides are about `origin` (3,), meters; `sensor_origin`, where the
     scanner stood, isn't. `unpaired`: regions of one side. `matching`: which of these are which, None where they were
-    not matched. `warnings`: what speaks against them before any pose is known.
+    not matched. `warnings`: evidence against them before any pose is estimated.
     """
 
     scene: Scene
@@ -125,8 +125,8 @@ def _imaged(scene: Scene) -> list[Imaged]:
 
 def _share_of_pairs(scene: Scene) -> float:
     """The share of the world regions that are those of pairs, for who waits; planes count as one."""
-    pairs, others = len(scene.model.regions), scene.model.world_regions
-    return pairs / max(1, pairs + (len(others) if isinstance(others, list) else 1))
+    pairs, world_regions = len(scene.model.regions), scene.model.world_regions
+    return pairs / max(1, pairs + (len(world_regions) if isinstance(world_regions, list) else 1))
 
 
 def _world_sides(
@@ -134,8 +134,8 @@ def _world_sides(
 ) -> tuple[WorldSide, ...]:
     """The world sides of the regions that the scene writes out at `key`."""
     return tuple(
-        world_side(scene, (key, index, "world"), one.world, scan, progress=told)
-        for index, (one, told) in enumerate(with_progress(items, progress))
+        world_side(scene, (key, index, "world"), one.world, scan, progress=item_progress)
+        for index, (one, item_progress) in enumerate(with_progress(items, progress))
     )
 
 
@@ -168,10 +168,10 @@ def checked(sides: SceneData) -> SceneData:
 def matched(sides: SceneData) -> SceneData:
     """The sides with the pairs that were found among the regions of one side; the same where there are none to match.
 
-    The pairs that the scene gives are kept, and say where the others are looked for. ValueError for regions that the
+    The pairs that the scene gives are kept, and limit where the others are searched. ValueError for regions that the
     core refuses; PoseError where no image region looks like any world region.
     """
-    unpaired, known = sides.unpaired, len(sides.names)
+    unpaired, pair_count = sides.unpaired, len(sides.names)
     if not unpaired.can_match:
         return sides
     images = (*sides.image_regions, *unpaired.image_regions)
@@ -180,7 +180,7 @@ def matched(sides: SceneData) -> SceneData:
         sides.camera,
         images,
         [side.region for side in worlds],
-        known=[(index, index) for index in range(known)],
+        known=[(index, index) for index in range(pair_count)],
         prior=scene_prior(sides.scene, sides.sensor_origin).rebase(sides.origin),
         solver=scene_solver(sides.scene),
     )
@@ -198,12 +198,12 @@ def matched(sides: SceneData) -> SceneData:
 
 def _matching(sides: SceneData, found: RegionMatches) -> Matching:
     """What was found by the regions' names, without the pairs that the scene gives."""
-    known = len(sides.names)
+    pair_count = len(sides.names)
     images = (*sides.names, *sides.unpaired.image_names)
     worlds = (*sides.names, *sides.unpaired.world_names)
 
     def named_pairs(pairs: tuple[tuple[int, int], ...]) -> tuple[tuple[str, str], ...]:
-        return tuple((images[i], worlds[j]) for i, j in pairs if i >= known)
+        return tuple((images[i], worlds[j]) for i, j in pairs if i >= pair_count)
 
     return Matching(
         named_pairs(found.pairs),

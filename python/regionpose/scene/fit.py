@@ -48,9 +48,9 @@ def region_fits(run: SceneEstimate) -> list[Fit]:
 
 
 def _share(fits: Sequence[SampleFit | None]) -> float | None:
-    """The share of the telling samples of all regions that lie on their side; None where a region has none."""
-    known = [fit for fit in fits if fit is not None]
-    told = sum(fit.count for fit in known)
-    if len(known) < len(fits) or not told:
+    """The share of the informative samples of all regions that lie on their side; None where a region has none."""
+    sampled = [fit for fit in fits if fit is not None]
+    count = sum(fit.count for fit in sampled)
+    if len(sampled) < len(fits) or not count:
         return None
-    return 1.0 - sum(len(fit.beyond) + len(fit.within) for fit in known) / told
+    return 1.0 - sum(len(fit.beyond) + len(fit.within) for fit in sampled) / count

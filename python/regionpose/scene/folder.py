@@ -73,8 +73,8 @@ class FolderOptions:
     """What holds for all pairs of a folder.
 
     `camera`: the scene's key, its file relative to the working folder. `sensor_origin` (3,): where the scanner stood,
-    of pairs that say nothing else. `coco`: a file with the regions of all photos. `columns`: names of the columns of
-    clouds whose files have none. `prior`: the scene's key, of pairs that say nothing else.
+    of pairs without their own. `coco`: a file with the regions of all photos. `columns`: names of the columns of
+    clouds whose files have none. `prior`: the scene's key, of pairs without their own.
     """
 
     camera: str | dict[str, Any] | None = None
@@ -244,7 +244,7 @@ def _calibration(folder: Path) -> Path:
 
 
 def _share(document: Document, values: Values, sources: Sources, out: Path, given: set[str]) -> None:
-    """Add what a pair's scene file says for all; SceneError where it differs from what another one says."""
+    """Add the values that a pair's scene file gives for all pairs; SceneError where two files differ."""
     held: Values = moved(document.value, document.path.parent, out)
     for key in (key for key in SHARED if key in held and key not in given):
         if key in values and values[key] != held[key]:
@@ -305,7 +305,7 @@ def _check_cloud(pair: Pair, document: Document) -> None:
 
 
 class Drawn(NamedTuple):
-    """A region of the photo that a file beside it holds: its name, what the scene says of it, and the file."""
+    """A region of the photo that a file beside it holds: its name, its values in the scene, and the file."""
 
     name: str
     image: Values
@@ -361,7 +361,7 @@ def _add_drawn(pair: Pair, values: Values, sources: Sources, drawn: Sequence[Dra
 
 
 def _pair_up(pair: Pair, sources: Sources, index: int, world: int, drawn: Drawn) -> None:
-    """Say where the sides of a pair of regions come from."""
+    """Record the source of each side of a pair of regions."""
     assert pair.document is not None
     sources["regions", index] = Source(pair.document, ("world_regions", world))
     sources["regions", index, "image"] = Source(drawn.file)

@@ -1,4 +1,4 @@
-"""What speaks against regions and cameras before any pose is looked for: doubles, leaks, odd sizes."""
+"""Checks of regions and cameras before the pose search: duplicates, leaked masks, odd units and sizes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SAME_PLANE_SHARE = 0.1
 
 LEAK_SHARE = 0.5
 """Share of the photo that a mask covers when it may have leaked: most of it. Of clicks on 37 faces of 25 real photos
-five masks are told so, with the sides below; all have leaked, to an overlap of less than a tenth with the face."""
+five masks get the warning, with the sides below; all have leaked, to an overlap of less than a tenth with the face."""
 
 LEAK_SIDES = 3
 """Sides of the photo that a leaked mask reaches; a convention. A surface that goes on beyond three sides shows little
@@ -111,7 +111,7 @@ def check_camera(camera: Camera, image_size: tuple[int, int]) -> tuple[PoseWarni
 
     `odd-center`: the optical axis of a calibration without a size meets the photo outside of the middle third, as that
     of a calibration for photos of another size. `folding-lens`: pixels of the photo have no bearing, or one that the
-    model does not tell apart from others, as its distortion folds inside the photo.
+    model does not distinguish from others, as its distortion folds inside the photo.
 
     Parameters
     ----------
@@ -176,14 +176,14 @@ def check_photo_name(camera: Camera, name: str) -> tuple[PoseWarning, ...]:
     if not (isinstance(camera, PinholeCamera | FisheyeCamera) and any(camera.distortion) and RECTIFIED.search(name)):
         return ()
     text = (
-        "the photo is called {name}, as rectified ones are, but its camera has distortion: where it is rectified, say"
+        "the photo is called {name}, as rectified ones are, but its camera has distortion: where it is rectified, set"
         " so (camera: {{file, rectified: true}} in a scene, --rectified); otherwise rename it"
     )
     return (PoseWarning("rectified-photo", text, values={"name": name}),)
 
 
 def check_unit(cloud: Cloud) -> tuple[PoseWarning, ...]:
-    """What the file of a cloud says against its coordinates being meters: `odd-unit`, with the factor to use."""
+    """`odd-unit` for a cloud whose file states a unit other than the meter, with the factor to use."""
     factor = cloud.unit_m
     if factor is None or abs(factor - 1.0) < SAME_UNIT:
         return ()
@@ -206,10 +206,10 @@ def check_intensity(cloud: Cloud) -> tuple[PoseWarning, ...]:
 
 
 def unit_remark(spacing: float, extent: float) -> str | None:
-    """What a cloud's size says of its unit: None where it may well be the meter, else the factor to use.
+    """The factor to meters that a cloud's size suggests; None where its unit may well be the meter.
 
     `spacing`: median distance of neighboring points; `extent`: diagonal of the cloud; both in its unit. A foot is too
-    like a meter to be told so: `check_unit` reads it.
+    like a meter for a warning: `check_unit` reads it.
     """
     if spacing <= WIDEST_SPACING or extent <= LEAST_EXTENT:
         return None
@@ -228,7 +228,7 @@ def _coincident(
         if share > SAME_SHARE:
             text = (
                 f"on the {side} side {{0}} and {{1}} are the same, by {100.0 * share:.1f} % of their union: two clicks"
-                " grew one surface, or one was marked twice; mark {1} anew, or leave it out"
+                " grew one surface, or one was marked twice; mark {1} again, or leave it out"
             )
             yield PoseWarning("coincident-regions", text, (first, second), {"side": side, "share": share})
 

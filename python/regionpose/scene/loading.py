@@ -173,14 +173,14 @@ def has_pairs(scene: Scene) -> bool:
 
 def _check_mask(scene: Scene, place: Place, image: ImageMask) -> None:
     if image.unknown_label is not None and image.unknown is None:
-        raise scene.error((*place, "unknown_label"), "found a label of nothing; needed the key unknown")
+        raise scene.error((*place, "unknown_label"), "found a label without its file; needed the key unknown")
     if image.coverage and (image.label, image.image, image.unknown) != (None,) * 3:
         found = "found it beside label, image or unknown; needed a file of one region, and it alone"
         raise scene.error((*place, "coverage"), found)
 
 
 class NamedRegion(NamedTuple):
-    """A region of a scene: its place in the frame, and its sides as written; None for one that is not known."""
+    """A region of a scene: its location in the file, and its sides as written; None for a missing one."""
 
     place: Place
     name: str
@@ -198,7 +198,7 @@ def named_regions(scene: Scene) -> list[NamedRegion]:
 
 
 def needs_cloud(side: object) -> bool:
-    """Whether a world side says nothing without the cloud: a seed, or indices written out."""
+    """Whether a world side needs the cloud: a seed, or indices written out."""
     return hasattr(side, "seed") or isinstance(getattr(side, "points", None), list)
 
 

@@ -37,7 +37,7 @@ class CameraFile(_Camera):
     file: FileName
     name: str | None = Field(None, description="which camera, where the file holds several")
     model: Literal["pinhole", "fisheye", "unified", "fov", "ocam", "equirectangular"] | None = Field(
-        None, description="the camera model, where the file doesn't say"
+        None, description="the camera model, where the file doesn't name it"
     )
     rectified: bool = Field(
         False, description="the image was rectified (ROS: image_rect): its camera has P of camera_info, no distortion"
@@ -94,7 +94,7 @@ class InlineOcam(_Camera):
 
 
 class InlineEquirectangular(_Camera):
-    """A 360 degree panorama, known by its size."""
+    """A 360 degree panorama, given by its size."""
 
     model: Literal["equirectangular"]
     width: int = Field(gt=0)
@@ -228,7 +228,7 @@ Radius = Annotated[
 ]
 Extends = Annotated[
     bool,
-    Field(description="points on its plane that join it without a gap may be the region's, too, and say nothing"),
+    Field(description="points on its plane that join it without a gap may be the region's, too, and are no evidence"),
 ]
 
 
@@ -238,7 +238,7 @@ class WorldSeed(_WorldItem):
     seed: Point
     intensity_tolerance: Positive | None = Field(
         None,
-        description="grow over points within this of the seed's intensity: tells a flush sign from its wall",
+        description="grow over points within this of the seed's intensity: separates a flush sign from its wall",
     )
     min_width_m: Positive | None = Field(
         None, description="parts of the patch narrower than this, in meters, such as posts in its plane, are left out"
@@ -292,14 +292,14 @@ class RegionItem(Item):
 
 
 class ImageRegionItem(Item):
-    """A planar region in the image, whose world side is not known."""
+    """A planar region in the image without its world side."""
 
     name: Name
     image: ImageSide
 
 
 class WorldRegionItem(Item):
-    """A planar region in the world, whose side in the image is not known."""
+    """A planar region in the world without its image side."""
 
     name: Name
     world: WorldSide
@@ -343,7 +343,7 @@ class WorldFromCamera(Item):
 
 
 class PriorItem(Item):
-    """What is known of the pose beforehand."""
+    """The prior of the pose."""
 
     up: Annotated[Point | None, Field(description="the world direction that is up in the image")] = None
     up_sigma_deg: Annotated[
@@ -419,7 +419,7 @@ class SolverItem(Item):
 
 
 class CloudFile(Item):
-    """A cloud's file, and what it doesn't say itself: the names of its columns."""
+    """A cloud's file, and the names of its columns where the file has none."""
 
     file: FileName
     columns: list[Annotated[str, Field(min_length=1)]] | None = Field(
@@ -450,7 +450,7 @@ class _Exposure(Item):
     sensor_origin: Annotated[
         Point | None,
         Field(
-            description="where the scanner of the cloud stood; what the cloud's file says when left out, unknown when"
+            description="where the scanner of the cloud stood; from the cloud's file when left out, unknown when"
             " null, as of scans merged from several places"
         ),
     ] = None

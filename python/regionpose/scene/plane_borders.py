@@ -154,7 +154,7 @@ class View:
         places = photo.places(self.frame.camera.project(self.pose.transform(self.points[self.numbers])))
         return cKDTree(np.where(np.isfinite(places).all(axis=1, keepdims=True), places, UNSEEN_PX))
 
-    def border(self, surface: Outline, others: Sequence[Outline]) -> Border | None:
+    def border(self, surface: Outline, other_surfaces: Sequence[Outline]) -> Border | None:
         """The border of a plane; None where the photo shows too little of it.
 
         `others`: planes that it may meet.
@@ -163,7 +163,7 @@ class View:
         if ring is None:
             return None
         pieces = _pieces(ring)
-        return self._split(ring, pieces, self._ends(pieces, surface, others))
+        return self._split(ring, pieces, self._ends(pieces, surface, other_surfaces))
 
     def _split(self, ring: Array, pieces: Pieces, ends: Flags) -> Border:
         """The border whose sides are split where the surface's ends begin and stop."""
@@ -187,13 +187,13 @@ class View:
         """
         photo = self.frame.photo
         height, width = photo.luminance.shape
-        shown = shapely.box(-0.5, -0.5, width - 0.5, height - 0.5)
+        photo_area = shapely.box(-0.5, -0.5, width - 0.5, height - 0.5)
         parts: list[shapely.Polygon] = []
         for ring in projected_rings(self.frame.camera, self.pose, region):
             places = photo.places(ring[:-1])
             if not np.isfinite(places).all():
                 return None
-            cut = shapely.Polygon(places).buffer(0.0).intersection(shown)
+            cut = shapely.Polygon(places).buffer(0.0).intersection(photo_area)
             parts += [part for part in shapely.get_parts(cut) if isinstance(part, shapely.Polygon)]
         if not parts:
             return None
@@ -213,7 +213,7 @@ class View:
             lengths = (normal @ (surface.region.core.origin - center)) / (bearings @ normal)
             return np.asarray(center + bearings * np.where(lengths > 0.0, lengths, np.nan)[:, None])
 
-    def _ends(self, pieces: Pieces, surface: Outline, others: Sequence[Outline]) -> Flags:
+    def _ends(self, pieces: Pieces, surface: Outline, other_surfaces: Sequence[Outline]) -> Flags:
         """Whether the surface ends at pieces of its border, (m,): the scanner's neighboring beams ended behind its
         plane, or on another that it meets there, and nothing hides this from the camera.
         """
@@ -225,7 +225,7 @@ class View:
         points = self.points[self.numbers]
         # Points on a plane that the border lies on neither hide it nor leave it open.
         own_heights = np.abs(surface.heights(points))
-        met = [(np.abs(other.heights(border)) <= near, np.abs(other.heights(points))) for other in others]
+        met = [(np.abs(other.heights(border)) <= near, np.abs(other.heights(points))) for other in other_surfaces]
         along = surface.along(points, self._scanner)
         behind = (along > 1.0 + EDGE_SHARE) | (along < 0.0)
         before = (along >= 0.0) & (along < 1.0 - BEFORE_SHARE)

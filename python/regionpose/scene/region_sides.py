@@ -58,7 +58,7 @@ it."""
 class Scan(NamedTuple):
     """What the world sides are cut from: the cloud, about `origin` (3,), and where its scanner stood about the same.
 
-    `absent` (k, 3): directions of its beams without a return, as far as they are known.
+    `absent` (k, 3): directions of its beams without a return, where these are given.
     """
 
     cloud: Cloud | None
@@ -77,9 +77,9 @@ class Scan(NamedTuple):
 
 def _absent(cloud: Cloud, scanner: Array) -> Array | None:
     """Directions (k, 3) of the beams without a return of a scanner at (3,) about the cloud's origin; None of a cloud
-    that does not say which these are.
+    that does not name these.
 
-    Rings tell them, too, but of real scans up to a third of those that are told there met what gives no return, such as
+    Rings imply them, too, but in real scans up to a third of those met surfaces that give no return, such as
     dark glass: of five natural frames the poses of two are then a degree worse.
     """
     from regionpose.regions.absent_beams import absent_beams
@@ -153,7 +153,7 @@ def world_side(
 ) -> WorldSide:
     """The world side that stands at `place`, about the origin; SceneError that names its line where it gives none.
 
-    `progress` is told which share of it is grown.
+    `progress` gets the fraction that is grown.
     """
     return _remarked(
         lambda: _sided(scene, place, item, _unremarked_side(scene, place, item, scan, progress), scan.origin)
@@ -196,10 +196,10 @@ def _plane_side(indices: Indices, scan: Scan) -> list[WorldSide]:
 
 def _remarked(made: Callable[[], WorldSide]) -> WorldSide:
     """The side that is made, with what its outline was warned of."""
-    told: list[str] = []
-    with sparse_sampling_handler(told.append):
+    messages: list[str] = []
+    with sparse_sampling_handler(messages.append):
         side = made()
-    return replace(side, remarks=tuple(told))
+    return replace(side, remarks=tuple(messages))
 
 
 def _sided(scene: Scene, place: Place, item: WorldItem, side: WorldSide, origin: Array) -> WorldSide:
@@ -300,7 +300,7 @@ def _scanned(points: Array, indices: Indices, item: WorldSeed | WorldPoints, sca
     if region.samples is not None:
         return WorldSide(region, indices)
     if scan.scanner is None:
-        return WorldSide(region, indices, "sensor_origin isn't known, and no points on its plane surround it")
+        return WorldSide(region, indices, "sensor_origin is missing, and no points on its plane surround it")
     return WorldSide(region, indices, "no beam passed its plane beside it")
 
 

@@ -57,7 +57,7 @@ def _confirmed_region(region: ConfirmedRegion, label: int, points: str) -> dict[
         },
         "world": {"points": points, "label": label},
         "log_odds": region.log_odds,
-        "shown_share": region.shown_share,
+        "edge_fraction": region.edge_fraction,
         "image_area_px": region.image.area,
         "world_area_m2": region.world.area,
         "cloud_points": len(region.indices),

@@ -176,7 +176,7 @@ def _planes(confirmed: Mapping[str, Any] | None) -> list[list[str]]:
         [
             f"{frame['frame']}: {region['name']}" if "frame" in frame else region["name"],
             _fixed(region["log_odds"], 1),
-            _percent(region["shown_share"]),
+            _percent(region["edge_fraction"]),
             f"{region['image_area_px']:,.0f}",
             f"{region['world_area_m2']:.4g}",
             f"{region['cloud_points']:,}",

@@ -34,8 +34,8 @@ def odds_text(found: Mapping[str, Any]) -> str:
     lead = found["log_odds_over_next"]
     # No number of JSON is infinite.
     is_alone = lead is None or not np.isfinite(lead)
-    others = "no other pose" if is_alone else f"e^{lead:.1f} over the likeliest other pose"
-    return f"{found['edges']} edges; odds e^{found['log_odds']:.1f} over chance, {others}"
+    runner_up = "no other pose" if is_alone else f"e^{lead:.1f} over the likeliest other pose"
+    return f"{found['edges']} edges; odds e^{found['log_odds']:.1f} over chance, {runner_up}"
 
 
 def vector_text(values: object, digits: int) -> str:

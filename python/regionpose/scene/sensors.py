@@ -76,12 +76,12 @@ def scene_camera(scene: Scene) -> Camera:
 
 
 def scene_image(scene: Scene) -> Picture:
-    """The scene's image (h, w, 3), sRGB, as viewers show it: turned as its EXIF data say."""
+    """The scene's image (h, w, 3), sRGB, as viewers show it: turned by its EXIF data."""
     return at_location(scene, ("image",), lambda: read_picture(scene.file(scene.image)))
 
 
 def fitted_camera(scene: Scene, camera: Camera, image: Picture) -> Camera:
-    """The camera for the scene's image: scaled to it where the scene says that it is resized.
+    """The camera for the scene's image: scaled to it where the scene declares it resized.
 
     SceneError where image and calibration are of different sizes otherwise.
     """
@@ -122,7 +122,7 @@ def read_sensors(scene: Scene, stages: Stages) -> tuple[Picture, Camera, Cloud |
 
 @dataclass(frozen=True, eq=False)
 class SensorOrigin:
-    """Where the scanner stood: `place` (3,), meters, in the scene's world, and who says so, `source`."""
+    """Where the scanner stood: `place` (3,), meters, in the scene's world, and the `source` of that."""
 
     place: Array
     source: str
@@ -147,7 +147,7 @@ def read_picture(path: Path) -> Picture:
 
 
 def at_location(scene: Scene, place: Place, action: Callable[[], Value]) -> Value:
-    """What `action` returns; its errors about bad input say where in the scene file the trouble starts."""
+    """Return what `action` returns; its errors about bad input get their location in the scene file."""
     try:
         return action()
     except FileNotFoundError as error:

@@ -1,4 +1,4 @@
-"""What a scene says beforehand of the pose, and how it is to be computed."""
+"""The prior and the solver options of a scene."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def scene_solver(scene: Scene) -> Solver:
 
 
 def scene_prior(scene: Scene, scanner: SensorOrigin | None) -> Prior:
-    """What the scene says of the pose beforehand, in the cloud's world; SceneError for what is no prior.
+    """The scene's prior, in the cloud's world; SceneError for an invalid one.
 
-    The camera stands near the scanner, where that is known, unless the scene says otherwise.
+    The camera stands near the scanner, where that is given, unless the scene's prior differs.
     """
     item = scene.model.prior
     initial = given_pose(scene)

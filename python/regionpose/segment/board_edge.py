@@ -56,14 +56,14 @@ def board_around(image: NDArray[np.uint8], grid: Array, pattern: Array) -> Array
 
 def _margins(lab: Floats, grid: Array, side: Array, outward: Array) -> tuple[float, float] | None:
     """The squares from both ends (2, 2) of a pattern's side out to the board's edge; None where there's no edge."""
-    shown, step = _edges_beyond(lab, grid, side, outward)
-    count, samples = shown.shape
+    profiles, step = _edges_beyond(lab, grid, side, outward)
+    count, samples = profiles.shape
     first, last = np.divmod(np.arange(count**2), count)
     kept = np.abs(first - last) * step <= TILT
     first, last = first[kept], last[kept]
     share = np.linspace(0.0, 1.0, samples)
     levels = np.round(first[:, None] * (1.0 - share) + last[:, None] * share).astype(np.intp)
-    means = shown[levels, np.arange(samples)].mean(axis=1)
+    means = profiles[levels, np.arange(samples)].mean(axis=1)
     best = int(np.argmax(means))
     return (float(first[best] * step), float(last[best] * step)) if means[best] >= LEAST_CLEAR else None
 

@@ -69,7 +69,7 @@ def grow_plane(
 def points_on_plane(points: Array, members: Indices, sensor_origin: ArrayLike | None) -> Indices:
     """Indices, ascending, of the points (n, 3) that noise alone may put off the plane of some of them.
 
-    The plane and its noise are those by which a scan's samples are told (`WorldRegion.from_scan`). ValueError for
+    The plane and its noise are those that classify a scan's samples (`WorldRegion.from_scan`). ValueError for
     members that span no plane.
     """
     plane = plane_samples(points[members], sensor_origin)

@@ -19,7 +19,7 @@ WINDOW_PIXELS = 400
 """Pixels of the longer side of a window at the most; larger ones are averaged down, so that all take as long."""
 
 BLUR_PX = 1.0
-"""Standard deviation of the smoothing before the gradient, pixels of the window: enough to tell its direction."""
+"""Standard deviation of the smoothing before the gradient, pixels of the window: enough to determine its direction."""
 
 LEAST_GRADIENT = 8.0
 """CIELAB units by Sobel's kernel: that of a step of 2 units. Below are noise and JPEG's blocks. A convention."""
@@ -60,17 +60,17 @@ class Lines(NamedTuple):
 
     normals: Array
     offsets: Array
-    shown: Array
+    edge_counts: Array
 
     @property
     def reach(self) -> int:
         """The places along a line go from -reach to reach, pixels from the foot of the window's zero."""
-        return int(self.shown.shape[1] - 2) // 2
+        return int(self.edge_counts.shape[1] - 2) // 2
 
     def beside(self, normals: Array, offsets: Array) -> Lines:
         """The lines with others (m, 2), (m,) beside them at which no edge can show."""
-        blank = np.full((len(offsets), self.shown.shape[1]), np.nan)
-        joined = [(self.normals, normals.reshape(-1, 2)), (self.offsets, offsets), (self.shown, blank)]
+        blank = np.full((len(offsets), self.edge_counts.shape[1]), np.nan)
+        joined = [(self.normals, normals.reshape(-1, 2)), (self.offsets, offsets), (self.edge_counts, blank)]
         return Lines(*(np.concatenate(pair) for pair in joined))
 
 
@@ -138,7 +138,7 @@ def straight_lines(edges: Edges) -> Lines:
     kept = peaks[np.argsort(-votes[tuple(peaks.T)], kind="stable")[:MOST_LINES]]
     angles = kept[:, 0] * np.pi / ANGLES
     normals, offsets = np.stack([np.cos(angles), np.sin(angles)], axis=1), (kept[:, 1] - reach).astype(np.float64)
-    return Lines(normals, offsets, _shown(edges, angles, normals, offsets, reach))
+    return Lines(normals, offsets, _edge_counts(edges, angles, normals, offsets, reach))
 
 
 def _votes(edges: Edges, reach: int) -> Array:
@@ -154,7 +154,7 @@ def _votes(edges: Edges, reach: int) -> Array:
     return votes
 
 
-def _shown(edges: Edges, angles: Array, normals: Array, offsets: Array, reach: int) -> Array:
+def _edge_counts(edges: Edges, angles: Array, normals: Array, offsets: Array, reach: int) -> Array:
     """`Lines.shown`."""
     distance, (rows, columns) = ndimage.distance_transform_edt(~edges.there, return_indices=True)
     along = np.arange(-reach, reach + 1)

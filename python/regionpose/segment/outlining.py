@@ -18,10 +18,11 @@ Mask = NDArray[np.bool_]
 Window = tuple[slice, slice]
 
 CONTRAST_FLOOR = 0.02
-"""Difference of both sides in linear light (0 to 1) below which mixing says nothing and the outline stays as grown."""
+"""Difference of both sides in linear light (0 to 1) below which mixing is uninformative and the outline stays as grown.
+"""
 
 TEXTURE_SPREAD = 0.2
-"""Spread of the mixing share away from the outline above which a pixel alone can't tell the sides apart."""
+"""Spread of the mixing share away from the outline above which a single pixel can't separate the sides."""
 
 STRAY_SHARE = 0.25
 """A color farther than this off the line between both sides, over their difference, is no mixture of them."""
@@ -112,7 +113,7 @@ def _full_size(image: NDArray[np.generic], reduced: Reduced, growth: Growth, lin
     """The region at full size, and whether either side of its outline is textured.
 
     Near the coarse outline every pixel joins the side it is nearer to: a share above 1/2 in the mixture of both sides'
-    colors nearby. A third color (a shadow, say) stays where growth put it, and what joins keeps to the tolerance.
+    colors nearby. A third color (such as a shadow) stays where growth put it, and what joins keeps to the tolerance.
     """
     coarse = growth.mask
     band = reduced.radius + 2
@@ -120,8 +121,8 @@ def _full_size(image: NDArray[np.generic], reduced: Reduced, growth: Growth, lin
     outside = ndimage.minimum_filter(~coarse, size=2 * band + 1)
     light = _linear(reduced.levels, linear_light)
     inner, _ = _nearby_mean(light, core, band, fallback=np.median(light[coarse], axis=0))
-    outer, known = _nearby_mean(light, outside, band, fallback=np.zeros(3, dtype=np.float32))
-    contrast = np.where(known, np.linalg.norm(inner - outer, axis=2), 0.0).astype(np.float32)
+    outer, has_neighbors = _nearby_mean(light, outside, band, fallback=np.zeros(3, dtype=np.float32))
+    contrast = np.where(has_neighbors, np.linalg.norm(inner - outer, axis=2), 0.0).astype(np.float32)
     fields = np.concatenate([inner, outer, contrast[..., None]], axis=2)
     mask = _enlarged(coarse, reduced.factor, image.shape)
     rows, columns = np.nonzero(_enlarged(~(core | outside), reduced.factor, image.shape))
@@ -154,9 +155,9 @@ def _nearby_mean(light: Floats, chosen: Mask, band: int, *, fallback: Floats) ->
     reach = 1.5 * band
     weight = ndimage.gaussian_filter(chosen.astype(np.float32), reach)
     sums = ndimage.gaussian_filter(light * chosen[..., None], (reach, reach, 0))
-    known = weight > 1e-3
+    has_neighbors = weight > 1e-3
     mean = sums / np.maximum(weight, 1e-3)[..., None]
-    return np.where(known[..., None], mean, fallback).astype(np.float32), known
+    return np.where(has_neighbors[..., None], mean, fallback).astype(np.float32), has_neighbors
 
 
 def _enlarged(mask: Mask, factor: int, shape: tuple[int, ...]) -> Mask:
@@ -227,7 +228,7 @@ def _local_mean(
 
 
 def _one_piece(mask: Mask, seed: tuple[int, int], fill_holes: bool) -> Mask:
-    """The piece of the mask that holds the seed, or the largest, with its holes filled when asked.
+    """The piece of the mask that holds the seed, or the largest, with its holes filled if `fill_holes` is set.
 
     ValueError for an empty mask.
     """

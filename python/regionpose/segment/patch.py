@@ -3,7 +3,7 @@
 A patch grows outwards from a seed in a grid on its plane. A cell is wide enough to hold neighboring scan lines of a
 sparse lidar, so that normals and connections take in both directions of sampling, however far apart the rings are.
 Cells join by the normal of the points in and around them, points by their distance from the plane; the plane is fitted
-anew after each step.
+recomputed after each step.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ SAME_NOISE = 1.3
 from each to the next it would creep up, as where a door stands back from its wall by less than scan lines disagree."""
 
 NOISE_TELLING = 192
-"""Neighbors below which the noise tells nothing: few points on two scan lines lie on a plane anyway."""
+"""Neighbors below which the noise is undetermined: few points on two scan lines lie on a plane anyway."""
 
 SEED_SIGMAS = 5.0
 """Distance of the seed's nearest point from the plane at the most: any point may be picked, the noisiest ones too."""
@@ -222,10 +222,10 @@ def grown(cloud: Array, patch: Patch, seed: Array, angle_deg: float, progress: P
             progress(1.0 - 1.0 / (round_ + 2))
         if len(joined) < 3:
             break
-        settled = abs(len(joined) - len(patch.members)) <= max(SETTLED_SHARE * len(joined), SETTLED_POINTS)
+        is_settled = abs(len(joined) - len(patch.members)) <= max(SETTLED_SHARE * len(joined), SETTLED_POINTS)
         patch = _refitted(cloud, patch, joined)
         extent = float(np.abs((cloud[joined] - seed) @ patch.axes[:2].T).max())
-        if settled and extent <= SETTLED_REACH * reach:
+        if is_settled and extent <= SETTLED_REACH * reach:
             break
     if progress is not None:
         progress(1.0)

@@ -32,10 +32,10 @@ MOST_THINNED = 150_000
 """Points to which a cloud is thinned to look for planes; the patches found are filled with all points afterwards."""
 
 SEARCHED = 0.5
-"""Share of the work that is told as done before patches of a thinned cloud are filled, which takes about as long."""
+"""Fraction of the progress reported before patches of a thinned cloud are filled, which takes about as long."""
 
 LEAST_PATCH = 50
-"""Points below which a patch isn't reported unless asked for."""
+"""Points below which a patch isn't reported by default."""
 
 LEAST_THINNED = 24
 """Points of a patch in the thinned cloud at the least; fewer pass for flat by chance."""
@@ -58,7 +58,7 @@ met at 6 degrees shows a tenth of what a wall shows that is met frontally."""
 
 MOST_THICKNESS = 0.15
 """Thickness of a patch over its width at the most; a face that is narrower than 24 standard deviations of the noise
-is not told from a strip of clutter."""
+cannot be distinguished from a strip of clutter."""
 
 LAYER = 3.0
 """Distance from the plane, over that of its members at the most, up to which points before and behind it count."""
@@ -128,8 +128,8 @@ def find_planes(
     thinned = _thinned(cloud)
     search = Search(cloud[thinned], min_points * len(thinned) / len(cloud), (distance_m, radius_m, angle_deg))
     is_whole = len(thinned) == len(cloud)
-    told = progress if is_whole else part(progress, 0.0, SEARCHED)
-    patches = [patch._replace(members=thinned[patch.members]) for patch in search.patches(told)]
+    search_progress = progress if is_whole else part(progress, 0.0, SEARCHED)
+    patches = [patch._replace(members=thinned[patch.members]) for patch in search.patches(search_progress)]
     if is_whole:
         found = [np.sort(patch.members) for patch in patches]
     else:

@@ -86,7 +86,7 @@ class Quads(NamedTuple):
         return np.asarray(0.5 * np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)))
 
     @property
-    def shown(self) -> Array:
+    def edge_shares(self) -> Array:
         """How clearly they show (n,): the geometric mean of the shares."""
         shares = np.clip(np.nan_to_num(self.shares, nan=BORDER_SHARE), LEAST_SHARE, 1.0)
         return np.asarray(np.exp(np.log(shares).mean(axis=1)))
@@ -94,12 +94,12 @@ class Quads(NamedTuple):
     @property
     def clear(self) -> Array:
         """How clearly the whole ones show (n,), times a power of the area; 0 of those that the photo's border cuts."""
-        return np.where(np.isnan(self.shares).any(axis=1), 0.0, self.shown * self.areas**SIZE_POWER)
+        return np.where(np.isnan(self.shares).any(axis=1), 0.0, self.edge_shares * self.areas**SIZE_POWER)
 
     @property
     def cut(self) -> Array:
         """How clearly those show (n,) that the photo's border cuts; 0 of the others."""
-        return np.where(np.isnan(self.shares).any(axis=1), self.shown, 0.0)
+        return np.where(np.isnan(self.shares).any(axis=1), self.edge_shares, 0.0)
 
     def taken(self, which: Indices) -> Quads:
         """Some of them."""
@@ -153,8 +153,8 @@ def _quads(lines: Lines, pairs: Indices, place: Array, size: Array) -> Quads:
     sides = np.stack([pairs[first, 0], pairs[second, 0], pairs[first, 1], pairs[second, 1]], axis=1)
     steep = np.abs(lines.normals @ lines.normals.T) <= np.cos(np.radians(ADJACENT_DEG))
     after = np.roll(sides, -1, axis=1)
-    shown = ~np.isnan(lines.shown[sides, 0])
-    sides = sides[steep[sides, after].all(axis=1) & (shown.sum(axis=1) >= FEWEST_SHOWN)]
+    edge_shares = ~np.isnan(lines.edge_counts[sides, 0])
+    sides = sides[steep[sides, after].all(axis=1) & (edge_shares.sum(axis=1) >= FEWEST_SHOWN)]
     corners = _corners(lines, sides)
     within = ((corners > -BEYOND_PX) & (corners < size + BEYOND_PX)).all(axis=(1, 2))
     edges, to_place = np.roll(corners, -1, axis=1) - corners, place - corners
@@ -179,8 +179,8 @@ def _shares(lines: Lines, sides: Indices, corners: Array) -> Array:
     tangents = np.stack([-normals[..., 1], normals[..., 0]], axis=2)
     ends = np.stack([(tangents * corners).sum(axis=2), (tangents * np.roll(corners, -1, axis=1)).sum(axis=2)])
     low, high = np.clip(np.sort(ends, axis=0) + lines.reach, 0, 2 * lines.reach).astype(np.intp)
-    shown = lines.shown[sides, high] - lines.shown[sides, low]
-    return np.asarray(np.minimum(shown / np.maximum(np.abs(ends[1] - ends[0]), 1.0), 1.0))
+    edge_shares = lines.edge_counts[sides, high] - lines.edge_counts[sides, low]
+    return np.asarray(np.minimum(edge_shares / np.maximum(np.abs(ends[1] - ends[0]), 1.0), 1.0))
 
 
 def _overlap(one: Array, other: Array) -> float:

@@ -1,4 +1,4 @@
-"""Segmenters that others made, asked for the masks around clicked pixels."""
+"""Predictors of other libraries (Segment Anything and its kin) as segmenters of clicked pixels."""
 
 from __future__ import annotations
 

@@ -49,8 +49,8 @@ SPACINGS = 9
 """Places over a plane at which the gap between scan lines is looked at; the median of these is the plane's."""
 
 TOGETHER = 32
-"""Points of a plane that are off together, as those of a scan line are: so many count as one where it is told how well
-the plane is known away from them. A convention, about what a line of a lidar has on a wall."""
+"""Points of a plane that are off together, as those of a scan line are: so many count as one in the estimate of how
+well the plane is known away from them. A convention, about what a line of a lidar has on a wall."""
 
 WIDEST = 2.0
 """Distance from the plane, over that of its own points, at which points far from these are looked for at the most."""
@@ -170,8 +170,8 @@ def _pieces(cloud: Array, patch: Patch) -> list[Piece]:
     around = _spread(labels, occupied)
     own = np.where(on_plane, around[tuple(cells.T)], 0)
     beside = np.where(on_plane | (heights > LAYER * patch.distance), 0, around[tuple(cells.T)])
-    members, others = (np.bincount(each, minlength=count + 1)[1:] for each in (own, beside))
-    kept = np.flatnonzero((members >= LEAST_PIECE) & (others <= MOST_BESIDE * members)) + 1
+    members, beside_counts = (np.bincount(each, minlength=count + 1)[1:] for each in (own, beside))
+    kept = np.flatnonzero((members >= LEAST_PIECE) & (beside_counts <= MOST_BESIDE * members)) + 1
     return [_piece(label, layer, own, labels) for label in kept.tolist()]
 
 
@@ -192,9 +192,9 @@ def _limits(cloud: Array, patch: Patch, flat: Array) -> Array:
     """How far from the plane each place (n, 2) may show a point of it (n,): noise, and what is not known of the plane
     away from its members.
     """
-    known = (cloud[patch.members] - patch.origin) @ patch.axes[:2].T
-    spread = np.maximum(known.var(axis=0), np.finfo(float).tiny)
-    leverage = TOGETHER / len(known) * (1.0 + ((flat - known.mean(axis=0)) ** 2 / spread).sum(axis=1))
+    plane_points = (cloud[patch.members] - patch.origin) @ patch.axes[:2].T
+    spread = np.maximum(plane_points.var(axis=0), np.finfo(float).tiny)
+    leverage = TOGETHER / len(plane_points) * (1.0 + ((flat - plane_points.mean(axis=0)) ** 2 / spread).sum(axis=1))
     return np.asarray(patch.distance * np.minimum(np.sqrt(1.0 + leverage), WIDEST))
 
 

@@ -16,7 +16,7 @@ Returned = TypeVar("Returned")
 PACKAGE = __name__.partition(".")[0]
 
 
-class Asked(NamedTuple):
+class Parameter(NamedTuple):
     """What a parameter's hint asks for: a class of the package, or a list of its objects; or None as well."""
 
     position: int
@@ -34,11 +34,11 @@ def checked_arguments(function: Callable[Given, Returned]) -> Callable[Given, Re
 
     @wraps(function)
     def checked(*given: Given.args, **named: Given.kwargs) -> Returned:
-        for asked in _asked(function):
-            if asked.position < len(given):
-                _check(asked, given[asked.position])
-            elif asked.name in named:
-                _check(asked, named[asked.name])
+        for parameter in _parameters(function):
+            if parameter.position < len(given):
+                _check(parameter, given[parameter.position])
+            elif parameter.name in named:
+                _check(parameter, named[parameter.name])
         return function(*given, **named)
 
     return checked
@@ -47,35 +47,35 @@ def checked_arguments(function: Callable[Given, Returned]) -> Callable[Given, Re
 def check_fields(held: object) -> None:
     """Pass an object whose fields are of the package's classes that their hints name; ValueError as of arguments."""
     made: Callable[..., object] = type(held)
-    for asked in _asked(made):
-        _check(asked, getattr(held, asked.name))
+    for parameter in _parameters(made):
+        _check(parameter, getattr(held, parameter.name))
 
 
-def _check(asked: Asked, value: object) -> None:
-    if value is None and asked.or_none:
+def _check(parameter: Parameter, value: object) -> None:
+    if value is None and parameter.or_none:
         return
-    if not asked.is_list:
-        if not isinstance(value, asked.kind):
-            needed = f"a {asked.kind.__name__}" + " or None" * asked.or_none
-            raise ValueError(f"{asked.name} is a {type(value).__name__}; needed {needed}")
+    if not parameter.is_list:
+        if not isinstance(value, parameter.kind):
+            needed = f"a {parameter.kind.__name__}" + " or None" * parameter.or_none
+            raise ValueError(f"{parameter.name} is a {type(value).__name__}; needed {needed}")
         return
-    for index, item in enumerate(_items(asked, value)):
-        if not isinstance(item, asked.kind):
-            found = f"{asked.name}[{index}] is a {type(item).__name__}"
-            raise ValueError(f"{found}; needed a {asked.kind.__name__}")
+    for index, item in enumerate(_items(parameter, value)):
+        if not isinstance(item, parameter.kind):
+            found = f"{parameter.name}[{index}] is a {type(item).__name__}"
+            raise ValueError(f"{found}; needed a {parameter.kind.__name__}")
 
 
-def _items(asked: Asked, value: Any) -> Iterable[object]:
+def _items(parameter: Parameter, value: Any) -> Iterable[object]:
     """What a list holds; nothing of an iterator, whose items would be gone."""
     try:
         return () if iter(value) is value else value
     except TypeError as error:
-        needed = f"a list of {asked.kind.__name__}s" + " or None" * asked.or_none
-        raise ValueError(f"{asked.name} is a {type(value).__name__}; needed {needed}") from error
+        needed = f"a list of {parameter.kind.__name__}s" + " or None" * parameter.or_none
+        raise ValueError(f"{parameter.name} is a {type(value).__name__}; needed {needed}") from error
 
 
 @cache
-def _asked(function: Callable[..., object]) -> tuple[Asked, ...]:
+def _parameters(function: Callable[..., object]) -> tuple[Parameter, ...]:
     found = []
     for position, name in enumerate(signature(function).parameters):
         hint = _hint(function, name)
@@ -86,7 +86,7 @@ def _asked(function: Callable[..., object]) -> tuple[Asked, ...]:
         is_list = typing.get_origin(kinds[0]) is Sequence
         kind = typing.get_args(kinds[0])[0] if is_list else kinds[0]
         if _is_own(kind):
-            found.append(Asked(position, name, kind, is_list, NoneType in alternatives))
+            found.append(Parameter(position, name, kind, is_list, NoneType in alternatives))
     return tuple(found)
 
 

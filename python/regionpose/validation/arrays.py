@@ -114,7 +114,7 @@ class KeptArrays:
     """An object all of whose arrays are read-only, also in what is unpickled and in deep copies."""
 
     def __post_init__(self) -> None:
-        """Keep arrays of a dataclass that nobody can write to."""
+        """Make the arrays of a dataclass read-only."""
         for name, value in list(vars(self).items()):
             if isinstance(value, np.ndarray):
                 object.__setattr__(self, name, read_only(value))

@@ -7,7 +7,7 @@ from typing import Any
 
 
 class MissingExtraError(ImportError):
-    """A kind of file whose package is not installed; the message says which extra of regionpose brings it."""
+    """Raised where an optional package is missing; the message names the extra of regionpose that installs it."""
 
 
 def load_extra(module: str, extra: str, purpose: str) -> Any:

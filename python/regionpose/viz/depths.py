@@ -43,10 +43,10 @@ def depth_colors() -> Bytes:
     lightness = LIGHTNESS[0] + share * (LIGHTNESS[1] - LIGHTNESS[0])
     hue = np.radians(HUE_DEG[0] + share * (HUE_DEG[1] - HUE_DEG[0]))
     path = np.column_stack([lightness, CHROMA * np.cos(hue), CHROMA * np.sin(hue)])
-    shown = rgb2lab(np.clip(lab2rgb(path), 0.0, 1.0))
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(shown, axis=0), axis=1))])
+    displayable = rgb2lab(np.clip(lab2rgb(path), 0.0, 1.0))
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(displayable, axis=0), axis=1))])
     even = np.linspace(0.0, length[-1], TABLE_SIZE)
-    table = np.column_stack([np.interp(even, length, shown[:, axis]) for axis in range(3)])
+    table = np.column_stack([np.interp(even, length, displayable[:, axis]) for axis in range(3)])
     return np.asarray(np.round(255.0 * np.clip(lab2rgb(table), 0.0, 1.0)), dtype=np.uint8)
 
 

@@ -31,7 +31,7 @@ PROJECTED: Color = (255, 140, 0)
 AGREES: Color = (0, 230, 90)
 DISAGREES: Color = (255, 0, 200)
 OUTSIDE: Color = (255, 255, 255)
-"""A blue, an orange and white: told apart with every common color blindness (after Okabe and Ito 2008)."""
+"""A blue, an orange and white: distinct with every common color blindness (after Okabe and Ito 2008)."""
 
 LINE_SHARE, DOT_SHARE = 1 / 700, 1 / 1300
 """Width of a line and radius of a dot over the image's diagonal."""
@@ -166,11 +166,11 @@ def overlay_depth(
     colors = checked_image(image)
     camera.check_size(colors.shape)
     pixels, distances = project_points(points, camera, pose, colors.shape[:2], hidden=False)
-    seen = np.flatnonzero(np.isfinite(distances) & (distances > 0.0))
-    near, far = checked_limits(limits_m, distances[seen])
+    visible = np.flatnonzero(np.isfinite(distances) & (distances > 0.0))
+    near, far = checked_limits(limits_m, distances[visible])
     dot = DOT_SHARE * float(np.hypot(*colors.shape[:2])) if radius_px is None else radius_px
     picture = _dimmed(colors)
-    draw_depths(picture, depth_dots(pixels[seen], distances[seen], colors.shape[:2], dot), near, far)
+    draw_depths(picture, depth_dots(pixels[visible], distances[visible], colors.shape[:2], dot), near, far)
     return with_bar(picture, near, far)
 
 

@@ -66,6 +66,6 @@ def _projected_ring(ring: Array, camera: Camera, pose: Pose) -> Array:
 
 
 def _pieces(ring: Array) -> list[Array]:
-    seen = np.isfinite(ring).all(axis=1)
-    cuts = np.flatnonzero(np.diff(seen)) + 1
+    is_visible = np.isfinite(ring).all(axis=1)
+    cuts = np.flatnonzero(np.diff(is_visible)) + 1
     return [piece for piece in np.split(ring, cuts) if len(piece) >= 2 and np.isfinite(piece[0]).all()]

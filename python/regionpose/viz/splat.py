@@ -48,14 +48,14 @@ def splatted(points: Array, colors: Colors, view: Viewpoint, width: int = 960, h
     """The picture (height, width, 3) of points (n, 3) with colors (n, 3), seen from `view`."""
     step = max(1, -(-len(points) // MOST_POINTS))
     points, colors = points[::step], colors[::step]
-    seen = (points - view.eye) @ view.rotation.T
+    in_view = (points - view.eye) @ view.rotation.T
     distance = float(np.linalg.norm(view.target - view.eye))
-    kept = seen[:, 2] > NEAREST * distance
-    seen, colors = seen[kept], colors[kept]
+    kept = in_view[:, 2] > NEAREST * distance
+    in_view, colors = in_view[kept], colors[kept]
     focal = 0.5 * width / np.tan(np.radians(0.5 * view.field_deg))
-    pixels = focal * seen[:, :2] / seen[:, 2:] + [0.5 * width, 0.5 * height]
+    pixels = focal * in_view[:, :2] / in_view[:, 2:] + [0.5 * width, 0.5 * height]
     inside = ((pixels > -LARGEST_SPLAT) & (pixels < [width + LARGEST_SPLAT, height + LARGEST_SPLAT])).all(axis=1)
-    pixels, depths, colors = pixels[inside], seen[inside, 2], colors[inside]
+    pixels, depths, colors = pixels[inside], in_view[inside, 2], colors[inside]
     sides = np.clip(np.ceil(2.5 * distance / depths), 2, LARGEST_SPLAT).astype(np.int64)
     return _painted(pixels.astype(np.int64), depths, sides, colors, (height, width))
 

@@ -141,15 +141,15 @@ def test_the_cloud_lies_over_the_photo_at_once_and_can_be_switched_off(drive: Pa
 def test_the_runner_up_is_shown_where_the_pose_is_not_trusted(drive: Path) -> None:
     with opened(session_of(drive)) as shared:
         assert reaches_state(shared) and holds(lambda: shared.stage == "")
-        run, judged = shared.outcome.run, shared.outcome.judged
-        assert run is not None and judged is not None
+        run, assessment = shared.outcome.run, shared.outcome.verdict
+        assert run is not None and assessment is not None
         other = run.estimate.pose.retract(np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0]))
         place = Alternative(other, run.estimate.covariance, 0.3, 0.3, np.nan, np.empty(0))
         unsure = replace(run, estimate=replace(run.estimate, alternatives=(place,)))
-        shared._show(replace(shared.outcome, run=unsure, judged=replace(judged, level="doubtful")))
+        shared._show(replace(shared.outcome, run=unsure, verdict=replace(assessment, level="doubtful")))
         assert [name.split("?")[0] for name in shared.depth_files] == ["files/depth.jpg", "files/runner_up.jpg"]
         assert shared.files["depth.jpg"].content != shared.files["runner_up.jpg"].content
-        shared._show(replace(shared.outcome, run=unsure, judged=replace(judged, level="trusted")))
+        shared._show(replace(shared.outcome, run=unsure, verdict=replace(assessment, level="trusted")))
         assert len(shared.depth_files) == 1
 
 

@@ -266,7 +266,7 @@ UNITLESS = {
     "xi omega polynomial center stretch ss cde": "camera models' own coefficients",
     "tolerance": "differences of colors",
     "column": "a coordinate of pixels",
-    "depth_tolerance mesh_size overlap_error outlier_fraction shown_share least_share": "shares",
+    "depth_tolerance mesh_size overlap_error outlier_fraction edge_fraction least_share": "shares",
     "factor": "of focal lengths",
     "confidence mode_probability share log_odds edge_log_odds sigmas": "probabilities and their like",
     "lead log_mass log_ratio": "logarithms of odds",

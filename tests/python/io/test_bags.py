@@ -158,7 +158,7 @@ def test_what_is_not_there_is_named(bag: Path, tmp_path: Path) -> None:
         read_cloud(f"{bag}#/points@noon")
     with pytest.raises(FileError, match="found no topic"):
         read_cloud(f"{bag}#/")
-    with pytest.raises(FileError, match="found 2 messages asked for; needed one"):
+    with pytest.raises(FileError, match="found 2 messages selected; needed one"):
         read_picture(Path(f"{bag}#/camera@0x2"))
     with pytest.raises(FileNotFoundError):
         read_cloud(tmp_path / "none.mcap#/points")
@@ -374,7 +374,7 @@ def test_scans_of_a_livox_driver_are_read(kind: str, tmp_path: Path) -> None:
 
 
 def test_a_livox_scan_that_states_another_number_of_points_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(CloudError, match="points: found 6; needed 2147483647, as the message says"):
+    with pytest.raises(CloudError, match="points: found 6; needed 2147483647, as the message states"):
         read_cloud(f"{livox_bag(tmp_path, stated=2**31 - 1)}#/livox/lidar")
 
 
@@ -385,7 +385,7 @@ def test_the_camera_info_of_a_bag_is_a_calibration(kind: str, tmp_path: Path) ->
     assert camera == PinholeCamera(
         500.0, 501.25, 320.5, 240.25, distortion=(0.1, -0.2, 1e-3, -2e-3, 0.0), width=640, height=480
     )
-    with pytest.raises(FileError, match="found 2 messages asked for; needed one of a camera"):
+    with pytest.raises(FileError, match="found 2 messages selected; needed one of a camera"):
         load_camera(f"{bag}#/camera/camera_info@0x2")
     with pytest.raises(FileError, match=r"found livox_ros_driver2/msg/CustomMsg; needed CameraInfo"):
         load_camera(f"{bag}#/livox/lidar")

@@ -241,7 +241,7 @@ def test_a_scene_file_names_hidden_edges_and_unknown_pixels(tmp_path: Path) -> N
         ({"polygon": SQUARE, "hidden_edges": 1}, r"hidden_edges: found 1; needed a list of edge indices, or one for"),
         (
             {"mask": "labels.png", "unknown_label": 3},
-            r"unknown_label: found a label of nothing; needed the key unknown",
+            r"unknown_label: found a label without its file; needed the key unknown",
         ),
     ],
 )

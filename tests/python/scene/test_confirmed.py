@@ -36,7 +36,7 @@ def test_planes_of_a_true_pose_are_confirmed(found: rp.scene.ConfirmedRegions, p
     assert found.log_odds >= np.log(9.0)
     assert [region.name for region in found.regions] == [f"plane {k}" for k in range(1, len(found.regions) + 1)]
     for region in found.regions:
-        assert region.log_odds >= np.log(9.0) and 0.1 <= region.shown_share <= 1.0
+        assert region.log_odds >= np.log(9.0) and 0.1 <= region.edge_fraction <= 1.0
         assert any(np.array_equal(region.indices, plane) for plane in planes)
 
 

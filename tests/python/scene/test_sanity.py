@@ -353,7 +353,7 @@ def test_two_masks_of_one_surface_are_named(tmp_path: Path) -> None:
     found = [warning for warning in scene_sides(load_scene(write_scene(tmp_path, values))).warnings]
     assert [warning.code for warning in found] == ["coincident-regions"]
     assert "on the image side region 0 and region 1 are the same" in found[0].message
-    assert "mark region 1 anew, or leave it out" in found[0].message
+    assert "mark region 1 again, or leave it out" in found[0].message
 
 
 def test_two_clicks_on_one_surface_are_never_trusted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

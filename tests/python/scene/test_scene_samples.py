@@ -71,7 +71,7 @@ def test_labels_places_and_clicks_are_the_same_returns(world: dict[str, Any], tm
     [
         ({"polygon": PLATES["floor"].tolist()}, {}, "it is given as a polygon"),
         ({"points": "labels.npy", "label": 0, "radius_m": 0.2}, {}, "its radius_m is given"),
-        ({"points": "labels.npy", "label": 0}, {"sensor_origin": None}, "sensor_origin isn't known, and no points"),
+        ({"points": "labels.npy", "label": 0}, {"sensor_origin": None}, "sensor_origin is missing, and no points"),
         ({"points": "moved.npy"}, {}, "its points aren't the cloud's"),
     ],
 )

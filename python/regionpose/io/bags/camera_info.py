@@ -19,7 +19,7 @@ ROI_FIELDS = ("x_offset", "y_offset", "height", "width")
 def camera_info_text(place: BagPlace) -> str:
     """The YAML of a place's message; FileError for other messages and for several, else as of `read_messages`."""
     if place.count != 1:
-        raise FileError(f"{place}: found {place.count} messages asked for; needed one of a camera")
+        raise FileError(f"{place}: found {place.count} messages selected; needed one of a camera")
     message = read_messages(place, KINDS)[0].content
     with usual_fields(place):
         return to_yaml(_values(message))

@@ -47,9 +47,9 @@ def _demosaiced(values: NDArray[Any], pattern: str) -> NDArray[Any]:
         there = np.zeros(mosaic.shape, np.float32)
         for place in (place for place, each in enumerate(pattern) if each == color):
             there[place // 2 :: 2, place % 2 :: 2] = 1.0
-        known, weight = (convolve(each, NEIGHBORS, mode="constant") for each in (mosaic * there, there))
+        weighted, weight = (convolve(each, NEIGHBORS, mode="constant") for each in (mosaic * there, there))
         # A single row or column may not show a color at all.
-        around = known / np.maximum(weight, 1.0)
+        around = weighted / np.maximum(weight, 1.0)
         picture[..., channel] = np.where(there > 0.0, mosaic, around)
     return picture
 

@@ -157,13 +157,13 @@ def _opened(place: BagPlace) -> Iterator[Any]:
     if not place.bag.exists():
         raise FileNotFoundError(2, "No such file or directory", str(place.bag))
     # Bags of older releases of ROS 2 in SQLite don't hold their types.
-    known = typesys.get_typestore(typesys.Stores.LATEST)
+    typestore = typesys.get_typestore(typesys.Stores.LATEST)
     for name, definition in FURTHER_TYPES.items():
-        known.register(typesys.get_types_from_msg(definition, name))
+        typestore.register(typesys.get_types_from_msg(definition, name))
     with (
         _damage_named(place),
         bounded(place.bag),
-        highlevel.AnyReader([place.bag], default_typestore=known) as reader,
+        highlevel.AnyReader([place.bag], default_typestore=typestore) as reader,
     ):
         yield reader
 

@@ -23,7 +23,7 @@ def read_bag_picture(place: BagPlace) -> Picture:
     `read_messages`.
     """
     if place.count != 1:
-        raise FileError(f"{place}: found {place.count} messages asked for; needed one of a picture")
+        raise FileError(f"{place}: found {place.count} messages selected; needed one of a picture")
     return message_picture(place, read_messages(place, KINDS)[0].content)
 
 

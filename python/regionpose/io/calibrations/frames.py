@@ -29,16 +29,16 @@ def transforms_of(held: Any) -> list[dict[str, Any]]:
 
 
 def tf_pose(path: Path, held: Any, names: Names) -> Read:
-    """The pose of the optical frame, in the frame of the lidar; ValueError where the frames' names don't tell both."""
+    """The optical frame's pose in the lidar's frame; ValueError where the frames' names don't identify both."""
     edges: Edges = {}
     for one in transforms_of(held):
         parent, child = _frame(path, one["header"].get("frame_id")), _frame(path, one["child_frame_id"])
         edges[parent, child] = _pose(path, one["transform"])
     frames = list(dict.fromkeys(frame for pair in edges for frame in pair))
     camera = _only(path, frames, [one for one in frames if OPTICAL.search(one)], names, "optical frame of a camera")
-    others = [one for one in frames if one != camera]
-    lidars = [one for one in others if LIDAR.search(one)]
-    cloud = others[0] if len(others) == 1 else _only(path, frames, lidars, names, "frame of a lidar")
+    remaining = [one for one in frames if one != camera]
+    lidars = [one for one in remaining if LIDAR.search(one)]
+    cloud = remaining[0] if len(remaining) == 1 else _only(path, frames, lidars, names, "frame of a lidar")
     return _way(path, edges, cloud, camera), f"takes points of the frame {cloud} to {camera}, quaternion x y z w"
 
 
@@ -63,7 +63,7 @@ def _only(path: Path, frames: list[str], found: list[str], names: Names, what: s
     """The only frame of a kind, or the one that is named."""
     named = [one for one in found if one in names]
     if len(named or found) != 1:
-        needed = f"one {what}" if found else f"the {what}, whose name says so"
+        needed = f"one {what}" if found else f"the {what}, identified by its name"
         raise ValueError(f"{path}: frames: found {', '.join(frames)}; needed {needed}, or a matrix camera_from_world")
     return (named or found)[0]
 

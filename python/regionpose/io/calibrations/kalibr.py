@@ -36,8 +36,8 @@ def _camera(entry: YamlMapping) -> Camera:
     model, distortion = entry.need("camera_model"), entry.need("distortion_model")
     pair = (model.text(), distortion.text())
     if pair not in MODELS:
-        known = ", ".join(" + ".join(item) for item in sorted(MODELS))
-        raise model.error(" + ".join(pair), f"one of {known}")
+        supported = ", ".join(" + ".join(item) for item in sorted(MODELS))
+        raise model.error(" + ".join(pair), f"one of {supported}")
     *xi, fx, fy, cx, cy = entry.need("intrinsics").counted(5 if pair[0] == "omni" else 4)
     width, height = _resolution(entry.need("resolution"))
     coefficients = tuple(entry.need("distortion_coeffs").counted(4)) if pair[1] != "none" else ()

@@ -1,4 +1,4 @@
-"""Which tool wrote a calibration file, told from its content."""
+"""The kind of a calibration file, recognized by its content, and the reader of that kind."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Held = TypeVar("Held")
 
 @dataclass(frozen=True)
 class Kind(Generic[Held]):
-    """A kind of file: its name, what tells it, and what reads a camera of it."""
+    """A kind of file: its name, the test that recognizes it, and the reader of its cameras."""
 
     label: str
     describes: Callable[[Held], bool]
@@ -103,8 +103,8 @@ def load_camera(
         Where the file is missing.
     CalibrationError
         A ValueError, where it is of no known kind, is cut or holds wrong counts; where `name` is not in it, or is
-        needed to choose: the message lists the names; where its model is unknown, untold or not `model`; where it holds
-        no camera of rectified photos and such is asked for.
+        needed to choose: the message lists the names; where its model is unknown, missing or not `model`; where it
+        holds no camera of rectified photos and `rectified` is set.
     """
     needed = checked_model(model)
     source = CalibrationText.read(path, needed, rectified=rectified)
@@ -116,21 +116,21 @@ def load_camera(
 
 def calibration_kind(path: str | Path) -> str:
     """What wrote a calibration file, as `ROS camera_info`; CalibrationError where that is not known."""
-    kind, _ = _told(CalibrationText.read(path))
+    kind, _ = _kind_and_reader(CalibrationText.read(path))
     return kind
 
 
 def _read(source: CalibrationText, name: str | None) -> Camera:
-    _, read = _told(source)
+    _, read = _kind_and_reader(source)
     return read(name)
 
 
-def _told(source: CalibrationText) -> tuple[str, Callable[[str | None], Camera]]:
+def _kind_and_reader(source: CalibrationText) -> tuple[str, Callable[[str | None], Camera]]:
     """The label of a file's kind, and what reads the camera of a name."""
     if is_xml(source):
-        return _told_of_xml(source)
+        return _xml_kind(source)
     kind = _first(TEXT_KINDS, source)
-    return kind if kind is not None else _told_of_yaml(source)
+    return kind if kind is not None else _yaml_kind(source)
 
 
 def _first(
@@ -151,7 +151,7 @@ def _first(
     return found.label, read
 
 
-def _told_of_xml(source: CalibrationText) -> tuple[str, Callable[[str | None], Camera]]:
+def _xml_kind(source: CalibrationText) -> tuple[str, Callable[[str | None], Camera]]:
     root = xml_root(source)
     kind = (
         _first((XML_STORAGE,), storage(root), source)
@@ -163,7 +163,7 @@ def _told_of_xml(source: CalibrationText) -> tuple[str, Callable[[str | None], C
     return kind
 
 
-def _told_of_yaml(source: CalibrationText) -> tuple[str, Callable[[str | None], Camera]]:
+def _yaml_kind(source: CalibrationText) -> tuple[str, Callable[[str | None], Camera]]:
     """The kind of a file that is written as YAML or JSON."""
     root = parsed(source)
     document = root.mapping() if root is not None and root.is_mapping else None

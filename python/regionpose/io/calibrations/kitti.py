@@ -86,14 +86,16 @@ def _raw_lidar_pose(source: CalibrationText, name: str | None, cameras: str | Pa
     if not beside.exists():
         needed = f"{beside}: the lidar's place is that of camera 00, which is turned by R_rect_00 of that file"
         raise source.error(CAMERAS_FILE, "no such file", needed)
-    others = CalibrationText.read(beside)
-    held, entries = _entries(source), _entries(others)
-    names = _cameras(others, entries)
-    chosen = others.choice(names, name, _default(names))
+    companion = CalibrationText.read(beside)
+    held, entries = _entries(source), _entries(companion)
+    names = _cameras(companion, entries)
+    chosen = companion.choice(names, name, _default(names))
     rotation, translation = _matrix(source, held, "R", (3, 3)), _matrix(source, held, "T", (3, 1))[:, 0]
     raw = RAW.fullmatch(chosen)
-    turn = _matrix(others, entries, "R_rect_00" if raw is None else f"R_{raw[1]}", (3, 3))
-    offset = _offset(others, entries, chosen) if raw is None else _matrix(others, entries, f"T_{raw[1]}", (3, 1))[:, 0]
+    turn = _matrix(companion, entries, "R_rect_00" if raw is None else f"R_{raw[1]}", (3, 3))
+    offset = (
+        _offset(companion, entries, chosen) if raw is None else _matrix(companion, entries, f"T_{raw[1]}", (3, 1))[:, 0]
+    )
     return _rotation(source, turn @ rotation), turn @ translation + offset
 
 
@@ -123,7 +125,7 @@ def _projections(entries: Entries) -> list[str]:
 
 
 def _cameras(source: CalibrationText, entries: Entries) -> list[str]:
-    """Names of the cameras: of rectified photos, then of photos as they were taken unless the former are asked for."""
+    """Names of the cameras: of rectified photos, then of photos as they were taken unless the former are selected."""
     return [*_projections(entries), *(key for key in entries if RAW.fullmatch(key) and not source.rectified)]
 
 

@@ -14,7 +14,7 @@ WITHOUT_PLACE = ("b2", "k4", "p3", "p4")
 
 
 def describes(root: Element) -> bool:
-    """Whether an element `calibration` holds a focal length, or says that it has none."""
+    """Whether an element `calibration` holds a focal length, or states that it has none."""
     return any(one.child("f") is not None or _kind(one) in KINDS[2:] for one in root.all("calibration"))
 
 

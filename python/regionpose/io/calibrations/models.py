@@ -56,10 +56,10 @@ SWITCHED_OFF = ("0", "false", "no", "off")
 
 def checked_model(model: str | None) -> CameraModel | None:
     """A model that a caller gives; CalibrationError for a name that is none."""
-    known: tuple[CameraModel, ...] = get_args(CameraModel)
-    found = next((one for one in known if one == model), None)
+    supported: tuple[CameraModel, ...] = get_args(CameraModel)
+    found = next((one for one in supported if one == model), None)
     if model is not None and found is None:
-        raise CalibrationError(f"model: found {model!r}; needed one of {', '.join(known)}")
+        raise CalibrationError(f"model: found {model!r}; needed one of {', '.join(supported)}")
     return found
 
 
@@ -103,13 +103,13 @@ def named_model(document: YamlMapping) -> CameraModel | None:
 
 
 def _named_by(item: YamlItem) -> CameraModel | None:
-    """The model that an item names: by its value under a key for that, or by a key that says fisheye."""
+    """The model that an item names, by its value under a key for models or by a key that contains "fisheye"."""
     key = _plain(item.name.rpartition(".")[2])
     if key in MODEL_KEYS:
         word = _plain(item.text())
         if word not in WORDS:
-            known = ", ".join(SPELLINGS)
-            raise item.error(f"the model {item.text()!r}", f"one of {known}, or model= to say which of these it is")
+            supported = ", ".join(SPELLINGS)
+            raise item.error(f"the model {item.text()!r}", f"one of {supported}, or model= with one of these")
         return WORDS[word]
     if "fisheye" in key:
         return "pinhole" if item.is_scalar and item.text().lower() in SWITCHED_OFF else "fisheye"
@@ -147,16 +147,16 @@ class NamedLens:
     word: str | None = None
 
     def camera(self) -> PinholeCamera | FisheyeCamera:
-        """The camera; CalibrationError for a model that is unknown, or that neither names nor caller tell."""
+        """The camera; CalibrationError for a model that is unknown, or that neither file nor caller names."""
         model = self.model or self._implied()
         width, height = self.size
         if model == "fisheye":
-            self._refuse_others("k1 k2 k3 k4")
+            self._check_coefficients("k1 k2 k3 k4")
             angular = tuple(self.coefficients.get(name, 0.0) for name in ("k1", "k2", "k3", "k4"))
             return FisheyeCamera(*self.intrinsics, distortion=angular, width=width, height=height)
         if model != "pinhole":
             raise self.item.error(f"fx, fy, cx, cy for a camera that is {model}", "a pinhole or fisheye camera")
-        self._refuse_others(" ".join(OPENCV_NAMES))
+        self._check_coefficients(" ".join(OPENCV_NAMES))
         values = [self.coefficients.get(name, 0.0) for name in OPENCV_NAMES]
         count = 8 if any(values[5:]) else 5 if "k3" in self.coefficients else 4 if self.coefficients else 0
         return PinholeCamera(*self.intrinsics, distortion=tuple(values[:count]), width=width, height=height)
@@ -164,26 +164,26 @@ class NamedLens:
     @property
     def model(self) -> CameraModel | None:
         """The model that the caller or the file names; CalibrationError for an unknown name."""
-        asked = checked_model(self.item.source.model)
-        if asked is not None or self.word is None:
-            return asked
+        requested = checked_model(self.item.source.model)
+        if requested is not None or self.word is None:
+            return requested
         model = WORDS.get(_plain(self.word))
         if model is None:
             raise self.item.error(f"the model {self.word!r}", f"one of {', '.join(SPELLINGS)}, or model= to choose")
         return model
 
     def _implied(self) -> CameraModel:
-        """The model that the names of the coefficients tell: only a pinhole's are tangential."""
+        """The model that the coefficients' names imply: only a pinhole has tangential ones."""
         if any(self.coefficients.values()) and not {"p1", "p2"} <= self.coefficients.keys():
             found = f"the coefficients {', '.join(self.coefficients)} and no model"
             raise self.item.error(found, "model=pinhole or model=fisheye")
         return "pinhole"
 
-    def _refuse_others(self, known: str) -> None:
+    def _check_coefficients(self, supported: str) -> None:
         """CalibrationError for coefficients other than 0 that the model has no place for."""
-        other = [name for name, value in self.coefficients.items() if value and name not in known.split()]
+        other = [name for name, value in self.coefficients.items() if value and name not in supported.split()]
         if other:
-            raise self.item.error(f"a coefficient {other[0]} of {self.coefficients[other[0]]:g}", f"{known} alone")
+            raise self.item.error(f"a coefficient {other[0]} of {self.coefficients[other[0]]:g}", f"{supported} alone")
 
 
 def _plain(name: str) -> str:

@@ -31,8 +31,8 @@ def _camera(source: CalibrationText) -> Camera:
     model = str(held.get("lensmodel"))
     count = COUNTS.get(model.removeprefix(PREFIX))
     if count is None:
-        known = ", ".join(PREFIX + one for one in COUNTS)
-        raise source.error("lensmodel", model, f"one of {known} (mrcal-convert-lensmodel makes one)")
+        supported = ", ".join(PREFIX + one for one in COUNTS)
+        raise source.error("lensmodel", model, f"one of {supported} (mrcal-convert-lensmodel makes one)")
     fx, fy, cx, cy, *coefficients = _numbers(source, held, "intrinsics", 4 + count)
     width, height = _numbers(source, held, "imagersize", 2)
     return PinholeCamera(fx, fy, cx, cy, distortion=tuple(coefficients), width=int(width), height=int(height))

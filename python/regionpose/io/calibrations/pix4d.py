@@ -18,7 +18,7 @@ Block = tuple[int, list[str]]
 
 
 def describes(source: CalibrationText) -> bool:
-    """Whether the header says what the blocks hold."""
+    """Whether the header names the contents of the blocks."""
     return source.text.lstrip().startswith(HEADER)
 
 

@@ -1,4 +1,4 @@
-"""Poses in the YAML and JSON of other tools: what tells each, its direction, and the order of its quaternion."""
+"""Poses in the YAML and JSON of other tools: how each is recognized, its direction, and its quaternion's order."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ GRAPHICS_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 @dataclass(frozen=True)
 class PoseRecord:
-    """A kind of record: its name, what tells it, and what reads it."""
+    """A kind of record: its name, the test that recognizes it, and its reader."""
 
     label: str
     describes: Callable[[Any], bool]
@@ -121,8 +121,8 @@ def _nerfstudio(path: Path, held: Any, names: Names) -> Read:
     frames = [one for one in held["frames"] if _has("transform_matrix")(one)]
     paths = {str(one.get("file_path", index)): one for index, one in enumerate(frames)}
     files = {Path(key).name: one for key, one in paths.items()}
-    known = files if any(name in files for name in names) else paths
-    frame = chosen(path, known, names, "frames with transform_matrix")
+    candidates = files if any(name in files for name in names) else paths
+    frame = chosen(path, candidates, names, "frames with transform_matrix")
     placed = pose_of_matrix(path, numbers_of(path, "transform_matrix", frame["transform_matrix"], 16), "a matrix")
     turned = GRAPHICS_FROM_OPTICAL @ placed.inverse().matrix
     return turned, "transform_matrix is the camera's place in the world, with OpenGL's axes"
@@ -142,7 +142,7 @@ def _opencalib(path: Path, held: Any, names: Names) -> Read:
 
 
 def is_unordered(held: Any) -> bool:
-    """Whether there are extrinsics by a quaternion of which nothing says whether its real part comes first or last."""
+    """Whether there are extrinsics by a quaternion whose order, real part first or last, is not stated."""
     extrinsics = held.get("extrinsics") if isinstance(held, dict) else None
     turn = extrinsics.get("rotation") if isinstance(extrinsics, dict) else None
     return isinstance(turn, Sequence) and len(turn) == 4

@@ -14,14 +14,14 @@ LIKE_ROTATION = 1e-3
 """Largest entry of R^T R - 1 of a rotation written with few digits, which is then made exact."""
 
 LEAST_NORM = 1e-6
-"""Length of a quaternion below which it tells no rotation; written ones have 1."""
+"""Length of a quaternion below which it is no rotation; unit quaternions have 1."""
 
 Array = np.ndarray[Any, Any]
 Names = tuple[str, ...]
 """What the photo and the camera are called, where that is known, to choose among poses."""
 
 Read = tuple[Array | Pose, str]
-"""A pose or its matrix, and what it says in words."""
+"""A pose or its matrix, and its convention in words."""
 
 
 def numbers_of(path: Path, item: str, values: object, count: int | None = None) -> Array:

@@ -1,7 +1,7 @@
 """Poses read from the files that this and other tools write.
 
-No direction and no order of a quaternion is guessed: it is what the tool that writes the file defines, and said in the
-`convention` of the pose; a file of none of them is refused.
+No direction and no order of a quaternion is guessed: it is what the tool that writes the file defines, and stated in
+the `convention` of the pose; a file of none of them is refused.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class PoseSource:
 
 @dataclass(frozen=True, eq=False)
 class PoseFile:
-    """The pose `camera_from_world` of a file, what wrote it, and what it says in words: frames, direction, order."""
+    """The pose `camera_from_world` of a file, what wrote it, and its convention in words: frames, direction, order."""
 
     pose: Pose
     kind: str
@@ -75,7 +75,7 @@ def read_pose(path: str | Path, source: PoseSource | None = None) -> Pose:
     FileNotFoundError
         Where it is missing.
     ValueError
-        Where it holds no pose, several to choose from, or one whose direction or order of numbers it does not say.
+        Where it holds no pose, several to choose from, or one whose direction or order of numbers it does not state.
     """
     return read_pose_file(Path(path), source).pose
 
@@ -84,7 +84,7 @@ def read_pose_file(path: Path, source: PoseSource | None = None) -> PoseFile:
     """The pose of a file, and what it is.
 
     FileNotFoundError, or ValueError where it holds none, several to choose from, or one whose direction or order of
-    numbers it does not say.
+    numbers it does not state.
     """
     source = source or PoseSource()
     suffix = path.suffix.lower()
@@ -105,8 +105,8 @@ def _text(path: Path, source: PoseSource) -> PoseFile:
         cameras = source.camera_file
         beside = cameras if cameras is not None and describes_kitti(CalibrationText.read(cameras)) else None
         parts = load_lidar_pose(path, source.camera_name, cameras=beside)
-        said = "takes the lidar's points to the camera, by the cameras of calib_cam_to_cam.txt"
-        return PoseFile(Pose.from_parts(*parts), "KITTI calib_velo_to_cam.txt", said)
+        convention = "takes the lidar's points to the camera, by the cameras of calib_cam_to_cam.txt"
+        return PoseFile(Pose.from_parts(*parts), "KITTI calib_velo_to_cam.txt", convention)
     if opencalib.describes_text(text):
         pose = pose_of_matrix(path, opencalib.text_pose(text), NEEDED)
         return PoseFile(pose, "OpenCalib calib.txt", "T takes the lidar's points to the camera")
@@ -136,8 +136,8 @@ def _numbers(path: Path, text: CalibrationText) -> PoseFile:
 
 
 def _matrix(path: Path, matrix: Array) -> PoseFile:
-    said = "takes points of the world to the camera: x right, y down, z forward"
-    return PoseFile(pose_of_matrix(path, matrix, NEEDED), MATRIX, said)
+    convention = "takes points of the world to the camera: x right, y down, z forward"
+    return PoseFile(pose_of_matrix(path, matrix, NEEDED), MATRIX, convention)
 
 
 def _yaml(path: Path, text: CalibrationText, source: PoseSource) -> PoseFile:
@@ -147,14 +147,14 @@ def _yaml(path: Path, text: CalibrationText, source: PoseSource) -> PoseFile:
 
 def _plain(node: Node) -> Any:
     """Mappings, lists and words of a node; aliases, which unfold without end, are refused where they are read."""
-    seen: set[int] = set()
+    visited: set[int] = set()
 
     def value(one: Node) -> Any:
         if isinstance(one, ScalarNode):
             return str(one.value)
-        if id(one) in seen:
+        if id(one) in visited:
             return None
-        seen.add(id(one))
+        visited.add(id(one))
         if isinstance(one, SequenceNode):
             return [value(child) for child in one.value]
         assert isinstance(one, MappingNode)
@@ -178,7 +178,7 @@ def _record(path: Path, held: Any, source: PoseSource) -> PoseFile:
             " or the last; needed the matrix camera_from_lidar, 3 x 4, as text, or T_lidar_camera: [x, y, z, qx, qy,"
             " qz, qw]"
         )
-    raise ValueError(f"{path}: found {_said(held)}; needed {NEEDED}")
+    raise ValueError(f"{path}: found {_described(held)}; needed {NEEDED}")
 
 
 def _holder(record: PoseRecord, held: Any) -> Any:
@@ -187,7 +187,7 @@ def _holder(record: PoseRecord, held: Any) -> Any:
     return next((one for one in [held, *inside] if record.describes(one)), None)
 
 
-def _said(held: Any) -> str:
+def _described(held: Any) -> str:
     if isinstance(held, dict):
         names = [str(name) for name in list(held)[:8]]
         return f"no pose of a known kind, but the items {', '.join(names)}" if names else "nothing"

@@ -42,8 +42,8 @@ def _camera(document: YamlMapping) -> Camera:
         projection = np.reshape(item.counted(12), (3, 4))
         if not projection.any():
             raise item.error("zeros", "the projection matrix P of rectified photos")
-        return window.seen_by(PinholeCamera.from_matrix(_exact(projection[:, :3])))
-    return window.seen_by(_raw(document, np.reshape(matrix.counted(9), (3, 3))))
+        return window.adapted(PinholeCamera.from_matrix(_exact(projection[:, :3])))
+    return window.adapted(_raw(document, np.reshape(matrix.counted(9), (3, 3))))
 
 
 def _raw(document: YamlMapping, matrix: Array) -> PinholeCamera | FisheyeCamera:
@@ -85,7 +85,7 @@ class _Window:
 
     @classmethod
     def of(cls, document: YamlMapping) -> _Window:
-        """As width, height, roi and binning say."""
+        """The window given by width, height, roi and binning."""
         size = document.size(("image_width", "width"), ("image_height", "height"))
         roi = document.get("roi")
         offset = (0, 0)
@@ -106,7 +106,7 @@ class _Window:
             raise item.error(found, "binning that leaves a pixel at least of each row and column")
         return cls(size, offset, binning, item)
 
-    def seen_by(self, camera: PinholeCamera | FisheyeCamera) -> PinholeCamera | FisheyeCamera:
+    def adapted(self, camera: PinholeCamera | FisheyeCamera) -> PinholeCamera | FisheyeCamera:
         """The camera of the photo: K and P are of the full picture (ROS, sensor_msgs/CameraInfo)."""
         (width, height), (x, y), (across, down) = self.size, self.offset, self.binning
         binned = (None if width is None else width // across, None if height is None else height // down)

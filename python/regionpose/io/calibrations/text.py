@@ -28,7 +28,7 @@ class CalibrationError(ValueError):
 
 @dataclass(frozen=True)
 class CalibrationText:
-    """The text of a calibration file with its path, the model that its reader's caller says it is of, and whether the
+    """The text of a calibration file with its path, the model that the caller gives, and whether the
     camera of the rectified photo is wanted.
     """
 

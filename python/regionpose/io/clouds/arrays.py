@@ -89,17 +89,17 @@ def _cloud_of_arrays(path: Path, arrays: Mapping[str, Scalars], points: Scalars)
     colors = first(COLOR_KEYS)
     if colors is not None and (colors.ndim != 2 or colors.shape != points.shape):
         raise cloud_error(path, "colors", f"shape {colors.shape}", f"{points.shape}")
-    known = {*POINT_KEYS, *COLOR_KEYS, *TRIANGLE_KEYS, "intensity", ORIGIN_KEY}
-    others: dict[str, ArrayLike] = {
+    reserved = {*POINT_KEYS, *COLOR_KEYS, *TRIANGLE_KEYS, "intensity", ORIGIN_KEY}
+    extra: dict[str, ArrayLike] = {
         name: array
         for name, array in arrays.items()
-        if name not in known and array.shape == (len(points),) and array.dtype.kind in "biuf"
+        if name not in reserved and array.shape == (len(points),) and array.dtype.kind in "biuf"
     }
     return Cloud.from_points(
         points + origin,
         colors=colors,
         intensity=arrays.get("intensity"),
-        fields=others,
+        fields=extra,
         triangles=first(TRIANGLE_KEYS),
         source=path,
     )

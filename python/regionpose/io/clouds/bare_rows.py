@@ -1,4 +1,4 @@
-"""The bare float32 rows of KITTI, nuScenes, Waymo and the like, whose files say nothing of their columns."""
+"""The bare float32 rows of KITTI, nuScenes, Waymo and the like, whose files do not name their columns."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NORMAL_TOLERANCE = 1e-3
 FARTHEST_RETURN = 100_000.0
 """Coordinates of bare rows are within this (meters) of the scanner; any other bytes read as floats exceed it soon."""
 
-HOW_TO_SAY = (
+COLUMNS_NEEDED = (
     "the columns by name, such as x,y,z,intensity,_: columns=(...) in Python, --columns in a command, "
     "cloud: {file, columns: [...]} in a scene file"
 )
@@ -60,14 +60,14 @@ def _width(path: Path, values: Scalars) -> int:
     found, fitting = row_width(values)
     if path.name.lower().endswith(NUSCENES_ENDING):
         if found not in (None, NUSCENES_WIDTH):
-            said = f"values in rows of {found}, and the ending {NUSCENES_ENDING} of rows of {NUSCENES_WIDTH}"
-            raise cloud_error(path, "columns", said, HOW_TO_SAY)
+            conflict = f"values in rows of {found}, and the ending {NUSCENES_ENDING} of rows of {NUSCENES_WIDTH}"
+            raise cloud_error(path, "columns", conflict, COLUMNS_NEEDED)
         return NUSCENES_WIDTH
     if found is not None:
         return found
     listed = ", ".join(map(str, fitting)) or f"none of {NARROWEST} to {WIDEST}"
     unclear = f"{len(values)} numbers, in which no rows of {NARROWEST} to {WIDEST_FOUND} stand out"
-    raise cloud_error(path, "columns", f"{unclear}; rows of {listed} would fit", HOW_TO_SAY)
+    raise cloud_error(path, "columns", f"{unclear}; rows of {listed} would fit", COLUMNS_NEEDED)
 
 
 def _names(table: Scalars) -> list[str]:

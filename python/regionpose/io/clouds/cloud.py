@@ -66,9 +66,9 @@ class Cloud(KeptArrays):
         Of each point in that grid, row by row: `divmod(grid_indices, columns)` gives row and column. Cells of the grid
         without a point are beams without a return. Given exactly where `grid_shape` is.
     sensor_origin : (3,) array of float64, optional
-        Where the scanner stood in the world; None where the file doesn't say, or holds scans from several places.
+        Where the scanner stood in the world; None where the file doesn't state it, or holds scans from several places.
     unit_m : float, optional
-        Of the coordinates' unit, meters; they are left as they are. None where the file doesn't say.
+        Of the coordinates' unit, meters; they are left as they are. None where the file doesn't state it.
 
     Raises
     ------

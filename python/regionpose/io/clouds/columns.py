@@ -68,8 +68,8 @@ def cloud_of_table(
 def checked_names(path: Path, names: Sequence[str], width: int | None = None) -> list[str]:
     """`names` as a list; CloudError unless there are `width` of them, each but "_" once, with x, y and z."""
     chosen = [names] if isinstance(names, str) else list(names)
-    told = [name.lower() for name in chosen if name != SKIPPED]
-    if not set(COORDINATES) <= set(told) or len(set(told)) != len(told):
+    read_names = [name.lower() for name in chosen if name != SKIPPED]
+    if not set(COORDINATES) <= set(read_names) or len(set(read_names)) != len(read_names):
         raise cloud_error(path, "columns", chosen, "different names, with x, y and z among them")
     if width is not None and len(chosen) != width:
         raise cloud_error(path, "columns", f"{len(chosen)} names ({', '.join(chosen)})", f"{width}, one a column")

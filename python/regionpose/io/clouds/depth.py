@@ -23,7 +23,7 @@ Distance = Literal["z", "range"]
 
 
 class DepthCamera(Protocol):
-    """What is asked of a depth image's camera; every camera of `regionpose.cameras` is one."""
+    """Protocol of a depth image's camera; every camera of `regionpose.cameras` satisfies it."""
 
     @property
     def width(self) -> int | None:

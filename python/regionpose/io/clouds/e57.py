@@ -64,8 +64,10 @@ def _scans(
     wrong = unfolding_error(path, values * np.dtype(np.float64).itemsize)
     if wrong is not None:
         raise CloudError(f"{path}: scans: {wrong}")
-    told = zip(headers, _parts(headers, progress), strict=True)
-    return [_scan(pye57, image, header, share) for header, share in told], [_place(header) for header in headers]
+    headers_with_progress = zip(headers, _parts(headers, progress), strict=True)
+    return [_scan(pye57, image, header, share) for header, share in headers_with_progress], [
+        _place(header) for header in headers
+    ]
 
 
 def _joined(path: Path, scans: list[dict[str, Scalars]]) -> Cloud:
@@ -95,7 +97,7 @@ def _grid(scan: dict[str, Scalars]) -> tuple[tuple[int, int] | None, Scalars | N
 
 
 def _parts(headers: list[Any], progress: Progress | None) -> list[Progress | None]:
-    """What to tell the progress of each scan, whose share is that of its points."""
+    """The progress callback of each scan, weighted by its number of points."""
     ends = np.cumsum([0, *(int(header.point_count) for header in headers)])
     total = max(1, int(ends[-1]))
     return [part(progress, start / total, end / total) for start, end in pairwise(ends.tolist())]

@@ -24,7 +24,7 @@ from regionpose.progress import Progress
 Reader = Callable[..., Cloud]
 
 START_BYTES = 4096
-"""Bytes of a file that tell its kind."""
+"""Bytes at the start of a file by which its kind is recognized."""
 
 read_glb: Reader = partial(read_mesh, kind="glb")
 
@@ -58,7 +58,7 @@ TABLE_READERS: frozenset[Reader] = frozenset((read_npy, read_npz, read_bin, read
 """Readers of files whose columns may have no names."""
 
 PIECEWISE_READERS: frozenset[Reader] = frozenset((read_ply, read_pcd, read_las, read_e57, read_bin, read_text))
-"""Readers that can say how much they have read."""
+"""Readers that report progress."""
 
 
 def read_cloud(path: str | Path, *, columns: Sequence[str] | None = None, progress: Progress | None = None) -> Cloud:
@@ -75,7 +75,8 @@ def read_cloud(path: str | Path, *, columns: Sequence[str] | None = None, progre
         number. They are joined as they are, in the scanner's frame.
     columns : sequence of str, optional
         Names of the columns of files that don't name them (text, .npy, .bin), as in `("x", "y", "z", "intensity",
-        "ring")`; "_" leaves one out. A .bin doesn't even say how many there are: its values do, or CloudError asks.
+        "ring")`; "_" leaves one out. A .bin doesn't state their number: it is inferred from the values, or a CloudError
+        requests it.
     progress : callable, optional
         Called with the share of the file that is read, in [0, 1]; not for meshes of other kinds than PLY, .npy and
         .npz, which are read at once.
@@ -106,12 +107,12 @@ def read_cloud(path: str | Path, *, columns: Sequence[str] | None = None, progre
     if not start:
         raise cloud_error(location, "file", "0 bytes", f"a cloud: {', '.join(ENDINGS)}")
     reader = _reader(location, start)
-    told = {"progress": progress} if reader in PIECEWISE_READERS else {}
+    keywords = {"progress": progress} if reader in PIECEWISE_READERS else {}
     if reader in TABLE_READERS:
-        return reader(location, columns, **told)
+        return reader(location, columns, **keywords)
     if columns is not None:
         raise cloud_error(location, "columns", "names given", "none, since the file names its own")
-    return reader(location, **told)
+    return reader(location, **keywords)
 
 
 def is_cloud(path: Path) -> bool:
@@ -126,7 +127,7 @@ def is_cloud(path: Path) -> bool:
 def file_size(path: Path) -> int:
     """The bytes of a cloud's file, for who waits; 0 of a bag's messages, and where it is missing or misnamed."""
     try:
-        # Of a bag a few messages are read, and their number is told.
+        # Of a bag only a few messages are read; progress counts these.
         return 0 if bag_place(path) is not None else path.stat().st_size
     except (OSError, FileError):
         return 0

@@ -27,7 +27,7 @@ HEADER = np.dtype(
         "itemsize": 227,
     }
 )
-"""The parts of the header that say how much must follow, for every version."""
+"""The fields of the header that give the size of what follows, for every version."""
 
 LONG_HEADER = np.dtype(
     {
@@ -109,7 +109,7 @@ def read_las(path: Path, *, progress: Progress | None = None) -> Cloud:
     except BaseException as error:
         raise cloud_error(path, "points", f"{type(error).__name__}: {error}", "a whole LAS or LAZ file") from error
     if len(coordinates["x"]) != stated:
-        raise cloud_error(path, "points", len(coordinates["x"]), f"{stated}, as the header says")
+        raise cloud_error(path, "points", len(coordinates["x"]), f"{stated}, as the header states")
     cloud = cloud_of_columns(path, coordinates | _flat(named))
     if _is_geographic(records) or (unit is None and _looks_geographic(cloud, scales)):
         low, high = cloud.points[:, 0].min(), cloud.points[:, 0].max()
@@ -131,7 +131,7 @@ def _points(laspy: Any, reader: Any, progress: Progress | None) -> Any:
 
 
 def _unit_m(records: Sequence[Any]) -> float | None:
-    """Meters in the unit of the horizontal coordinates, by WKT or GeoTIFF keys; None where neither says."""
+    """Meters in the unit of the horizontal coordinates, by WKT or GeoTIFF keys; None where neither states it."""
     for record in records:
         for key in getattr(record, "geo_keys", ()):
             if key.id == LINEAR_UNITS_KEY and key.value_offset in EPSG_METERS:
@@ -143,7 +143,7 @@ def _unit_m(records: Sequence[Any]) -> float | None:
 
 
 def _is_geographic(records: Sequence[Any]) -> bool:
-    """Whether WKT or GeoTIFF keys say that coordinates are longitude and latitude."""
+    """Whether WKT or GeoTIFF keys declare coordinates as longitude and latitude."""
     for record in records:
         keys = {key.id: key.value_offset for key in getattr(record, "geo_keys", ())}
         if keys.get(MODEL_KEY) == GEOGRAPHIC_MODEL or (
@@ -157,7 +157,7 @@ def _is_geographic(records: Sequence[Any]) -> bool:
 
 
 def _looks_geographic(cloud: Cloud, scales: Scalars) -> bool:
-    """Whether coordinates of a file that says nothing can hardly be meters: on the globe, finer, and flat."""
+    """Whether coordinates of a file without such keys can hardly be meters: on the globe, finer, and flat."""
     low, high = cloud.points.min(axis=0), cloud.points.max(axis=0)
     on_globe = np.maximum(np.abs(low), np.abs(high))[:2] <= FARTHEST_DEGREES
     wide, tall = float((high - low)[:2].max()), float((high - low)[2])
@@ -194,7 +194,7 @@ def _checked_header(path: Path, content: Scalars) -> dict[str, int]:
     if not header["format"] & COMPRESSED_BITS:
         points_end += header["count"] * header["point_size"]
     if records_end > header["points_at"] or max(late_end, points_end) > size:
-        needed = f"{max(records_end, late_end, points_end)} at least, as the header says"
+        needed = f"{max(records_end, late_end, points_end)} at least, as the header states"
         raise cloud_error(path, "size", f"{size} bytes", needed)
     if header["format"] & COMPRESSED_BITS:
         _check_layers(path, content, header, _chunk_count(path, content, header))

@@ -33,14 +33,14 @@ PACKED_COLORS = ("rgb", "rgba")
 """Fields of 4 bytes that hold blue, green, red and alpha, from the lowest byte, whatever type they claim."""
 
 UNSET_VIEWPOINT = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
-"""Translation and quaternion (w first) that writers put where nobody told them any: of merged maps, too."""
+"""Translation and quaternion (w first) that writers use as default, also for merged maps."""
 
 COMPRESSED_SIZES = np.dtype([("compressed", "<u4"), ("plain", "<u4")])
 
 
 @dataclass(frozen=True)
 class PcdHeader:
-    """What the header says: the columns of a row, their number, how and where the rows are stored, where the scanner
+    """The header: the columns of a row, their number, how and where the rows are stored, where the scanner
     stood, rows and columns of an organized scan.
     """
 
@@ -99,7 +99,7 @@ def _whole_numbers(path: Path, entries: dict[str, list[str]], key: str) -> list[
 
 
 def _sensor_origin(path: Path, entries: dict[str, list[str]]) -> list[float] | None:
-    """The translation of the VIEWPOINT; None where there is none, or one that nobody set."""
+    """The translation of the VIEWPOINT; None where there is none, or the default one."""
     words = entries.get("VIEWPOINT")
     if words is None:
         return None
@@ -155,7 +155,7 @@ def _text_columns(path: Path, header: PcdHeader, progress: Progress | None) -> d
     ]
     rows = rows_of_text(path, header.offset, np.dtype(exact), progress=progress)
     if len(rows) != header.count:
-        raise cloud_error(path, "points", f"{len(rows)} lines", f"{header.count}, as the header says")
+        raise cloud_error(path, "points", f"{len(rows)} lines", f"{header.count}, as the header states")
     packed = [name for name in PACKED_COLORS if name in (header.row.names or ())]
     return {name: rows[name].astype(header.row[name].base) if name in packed else rows[name] for name, *_ in exact}
 
@@ -195,7 +195,7 @@ def _compressed_columns(path: Path, header: PcdHeader, progress: Progress | None
 def _check_size(path: Path, item: str, data: Scalars, needed: int) -> None:
     """CloudError unless `data` holds `needed` bytes, and then at most zeros, which some writers leave."""
     if len(data) < needed or data[needed:].any():
-        raise cloud_error(path, item, f"{len(data)} bytes", f"{needed}, as the header says")
+        raise cloud_error(path, item, f"{len(data)} bytes", f"{needed}, as the header states")
 
 
 def named_columns(columns: dict[str, Scalars]) -> dict[str, Scalars]:

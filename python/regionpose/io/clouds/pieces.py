@@ -1,4 +1,4 @@
-"""Files read in pieces, so that whoever waits is told how much is read, and Ctrl-C is heard in between."""
+"""Files read in pieces, with progress reports and handling of Ctrl-C in between."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WHITE_SPACE = (b"\n", b" ", b"\r", b"\t")
 
 
 class ProgressFile(io.RawIOBase):
-    """A file from byte `offset` on that tells `progress` which share of it is read."""
+    """A file from byte `offset` on that reports the fraction read to `progress`."""
 
     def __init__(self, path: Path, offset: int, progress: Progress | None) -> None:
         """Open it."""
@@ -30,11 +30,11 @@ class ProgressFile(io.RawIOBase):
         self._at, self._size, self._progress = self._file.seek(offset), path.stat().st_size, progress
 
     def readable(self) -> bool:
-        """It is."""
+        """Return True."""
         return True
 
     def readinto(self, buffer: Any) -> int:
-        """Fill the buffer with at most a piece; how many bytes it got."""
+        """Fill the buffer with at most a piece; return the number of bytes read."""
         count = self._file.readinto(memoryview(buffer)[:PIECE_BYTES])
         self._at += count
         if self._progress is not None and count:

@@ -147,7 +147,7 @@ def _header(path: Path, start: bytes) -> tuple[str, list[Element], int]:
                 properties = next(reversed(elements.values()))[1]
                 properties.append(_property(path, described, properties))
             case _:
-                raise cloud_error(path, "header", repr(line), "a format, comment, element or property, not told before")
+                raise cloud_error(path, "header", repr(line), "a format, comment, element or property, each once")
     if not form or "vertex" not in elements:
         found = f"format {form!r}, elements {list(elements)}"
         raise cloud_error(path, "header", found, f"a format of {', '.join(ORDERS)} and an element vertex")

@@ -85,7 +85,7 @@ def _livox_columns(place: BagPlace, message: Any) -> dict[str, Scalars]:
     """The columns of a CustomMsg, whose reflectivity is the intensity."""
     points = message.points
     if len(points) != int(message.point_num):
-        raise cloud_error(str(place), "points", len(points), f"{message.point_num}, as the message says")
+        raise cloud_error(str(place), "points", len(points), f"{message.point_num}, as the message states")
     columns = {
         name: np.array([getattr(point, name) for point in points], dtype=kind) for name, kind in LIVOX_FIELDS.items()
     }

@@ -1,4 +1,4 @@
-"""How many numbers a row of bare numbers has, by what its values say.
+"""The number of values in a row of bare numbers, inferred from the values.
 
 Where the width is right, each column has a distribution of its own: heights differ from eastings, and both from
 intensities. Where it is wrong, a column mixes several. So the mutual information of a value and its place in the row
@@ -31,7 +31,7 @@ of a scan, lasers that look at near and at far ground differ as columns do. Meas
 below half of either there are wrong widths."""
 
 MOST_BINS = 16
-"""Bins of values that are told apart, each with as many of them."""
+"""Number of equally populated bins of values."""
 
 VALUES_A_BIN = 64
 """Values for each bin at least, so that some are left for each place of a row: a convention."""
@@ -100,7 +100,7 @@ def row_width(values: Values) -> RowWidth:
 
 
 def _exceeds(of_width: Information, of_other: Information) -> bool:
-    """Whether a width says more than another."""
+    """Whether a width explains the values better than another."""
     spread = max(of_width.spread, of_other.spread)
     return of_width.nats - of_other.nats > max(LEAST_GAIN, SIGNIFICANT * spread)
 

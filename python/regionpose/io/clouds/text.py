@@ -45,7 +45,7 @@ def read_text(path: Path, columns: Sequence[str] | None, *, progress: Progress |
     layout = _layout(path, offset)
     table = rows_of_text(path, offset, np.float64, layout.delimiter, layout.lines_before, progress=progress)
     if layout.stated_count not in (None, len(table)):
-        raise cloud_error(path, "rows", len(table), f"{layout.stated_count}, as the first line says")
+        raise cloud_error(path, "rows", len(table), f"{layout.stated_count}, as the first line states")
     return cloud_of_table(path, table, columns if columns is not None else layout.names)
 
 
@@ -70,8 +70,8 @@ def rows_of_text(
                 text, kind, delimiter=delimiter, comments=COMMENTS, skiprows=skip, ndmin=1 if structured else 2
             )
         except ValueError as error:
-            said = ("rows", repr(str(error).partition(";")[0]))
-            item, found = _odd_line(path, offset, delimiter, skip) or said
+            parse_error = ("rows", repr(str(error).partition(";")[0]))
+            item, found = _odd_line(path, offset, delimiter, skip) or parse_error
             raise cloud_error(path, item, found, "the same count of numbers on every line") from error
 
 

@@ -1,4 +1,4 @@
-"""The files of each tool, by name. Each says its conventions in a comment where its format has any."""
+"""The files of each tool, by name. Each states its conventions in a comment where the format allows one."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ GRAPHICS_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0])
 """Axes of OpenGL's cameras: x right, y up, looking along -z."""
 
 SENSOR_PIXEL_MM = 0.001
-"""Size of a pixel that MeshLab is told, mm; only its product with the focal length in pixels tells anything."""
+"""Pixel size written to MeshLab files, mm; only its product with the focal length in pixels matters."""
 
 
 @dataclass(frozen=True)

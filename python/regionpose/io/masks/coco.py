@@ -114,7 +114,7 @@ def _runs(code: Mapping[str, object], size: tuple[int, int], item: str) -> NDArr
 
 
 def _decoded(text: str) -> list[int]:
-    """Run lengths of COCO's text: 5 bits a character, the lowest first; 0x20 says that more follow.
+    """Run lengths of COCO's text: 5 bits a character, the lowest first; 0x20 marks that more follow.
 
     From the fourth on they're differences from the last but one.
     """

@@ -49,16 +49,16 @@ def label_studio_items(path: Path, content: list[Entry], image: str | int | None
     # Uploads have a prefix before the name that the file had.
     wanted = next((name for _, name in names if isinstance(image, str) and name.endswith(f"-{image}")), image)
     task = tasks[chosen_image(path, names, image if any(image in one for one in names) else wanted, "tasks")]
-    seen: dict[str, MaskItem] = {}
+    items: dict[str, MaskItem] = {}
     for index, result in enumerate(_results(task)):
         item = _item(path, result, f"{path}, result {index}")
         if item is None:
             continue
         # A shape and its label may be two results of one id.
         key, label = str(result.get("id", f"result {index}")), _label(result)
-        if key not in seen or label is not None:
-            seen[key] = item
-    yield from seen.values()
+        if key not in items or label is not None:
+            items[key] = item
+    yield from items.values()
 
 
 def _image_name(task: Entry) -> str:
@@ -147,7 +147,7 @@ def _brush_mask(code: object, size: tuple[int, int], item: str) -> Mask:
     if not (isinstance(code, list) and code and all(type(one) is int and 0 <= one <= 255 for one in code)):
         raise ValueError(f"{item} has the rle {brief(code)}; needed whole numbers from 0 to 255")
     values, ends = _runs(BitReader(np.array(code, dtype=np.uint8)), CHANNELS * size[0] * size[1], item)
-    # Of each pixel the last number says how far it is covered.
+    # The last number of each pixel is its coverage.
     covers = np.diff(ends // CHANNELS, prepend=0)
     return np.repeat(values >= COVERED, covers).reshape(size)
 
@@ -175,7 +175,7 @@ class BitReader:
 def _runs(reader: BitReader, needed: int, item: str) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
     """The numbers of a brush's runs, and how many there are up to the end of each.
 
-    Its first bits say how many numbers there are (32), of how many bits each is (5, less one), and the bits of four
+    Its first bits hold the count of numbers (32), of how many bits each is (5, less one), and the bits of four
     lengths (4 each, less one). Then come runs: whether its number stands once for all (1), which of the four lengths
     (2), the length, less one, and the number or the numbers. So in thi.ng/rle-pack, which Label Studio uses.
     """

@@ -26,7 +26,7 @@ MOST_LABELS = 1000
 
 
 class MasksOfFile(Mapping[str, Mask]):
-    """Masks (h, w) by name, each made when it is asked for."""
+    """Masks (h, w) by name, each made on first use."""
 
     def __init__(self, makers: Mapping[str, Callable[[], Mask]]) -> None:
         """Keep what makes them."""
@@ -71,12 +71,12 @@ def file_items(path: Path, image: str | int | None) -> list[MaskItem]:
 
 
 def _label_items(path: Path, image: str | int | None) -> Iterator[MaskItem]:
-    labels, shown = _labels(path)
+    labels, label_format = _labels(path)
     values = [int(value) for value in np.unique(labels) if value]
     if len(values) > MOST_LABELS:
         raise ValueError(f"{path} holds {len(values)} values; a label image has at most {MOST_LABELS}")
     for value in values:
-        name = path.stem if len(values) == 1 else shown.format(value)
+        name = path.stem if len(values) == 1 else label_format.format(value)
         yield MaskItem(name, value, (labels.shape[0], labels.shape[1]), [], partial(_equal, labels, value))
 
 

@@ -45,7 +45,7 @@ class MaskItem(NamedTuple):
 
     `number`: the value of a label image, the id of an annotation, or the place of a mask without one. `size`: (h, w) of
     the image. `polygons`: one after another, none where the file holds pixels. `mask`: makes the mask, which may be
-    large, when asked. `check`: raises the ValueError that this would end in, where it may.
+    large, on request. `check`: raises the ValueError that this would end in, where it may.
     """
 
     name: str
@@ -62,7 +62,7 @@ def polygon_item(name: str, number: int | None, size: tuple[int, int], polygons:
 
 
 def refused_item(name: str, size: tuple[int, int], message: str) -> MaskItem:
-    """A region that cannot be read, for a reason that is told to who asks for it."""
+    """A region that cannot be read; reading it raises an error with the reason."""
 
     def refused() -> NoReturn:
         raise ValueError(message)
@@ -150,7 +150,7 @@ def size_of(content: Mapping[str, object], height: str, width: str, item: str) -
 
 
 def file_size(path: Path, content: Mapping[str, object], height: str, width: str, item: str) -> tuple[int, int]:
-    """The size (h, w) of an image that a file says, whose masks fit the budget of the file."""
+    """The image size (h, w) that a file states, whose masks fit the budget of the file."""
     size = size_of(content, height, width, item)
     wrong = unfolding_error(path, size[0] * size[1])
     if wrong is not None:
@@ -161,7 +161,7 @@ def file_size(path: Path, content: Mapping[str, object], height: str, width: str
 def chosen_image(
     path: Path, images: Sequence[tuple[object, str]], image: str | int | None, what: str = "images"
 ) -> int:
-    """The place of the image that is asked for among the ids and file names of a file's; ValueError that lists them."""
+    """The index of the requested image among a file's ids and file names; ValueError that lists them."""
     if image is None and len(images) == 1:
         return 0
     matching = [place for place, one in enumerate(images) if image is not None and image in one]

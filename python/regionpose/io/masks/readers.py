@@ -33,7 +33,7 @@ def masks_from_file(path: str | Path, *, image: str | int | None = None) -> Mapp
     """Masks (h, w) by name from a label image (PNG, TIFF, ...), or a file of COCO, labelme, Segment Anything, Label
     Studio or CVAT (XML for images).
 
-    Each is made when it is asked for, since all masks of a file may take much more memory than the file: keep the one
+    Each is made on first use, since all masks of a file may take much more memory than the file: keep the one
     that you use more than once.
 
     A label image has one mask per value other than 0 (per color other than black), named by the value; a single one is
@@ -226,7 +226,7 @@ def _guessed_kind(given: NDArray[np.generic]) -> str:
     if given.dtype.kind in "iu":
         values = np.unique(given)
         if len(values) > 2 or not np.isin(values, (0, 1, 255)).all():
-            raise ValueError(f"masks hold {len(values)} integer values; needed 0 and 1 (or 255), or say their kind")
+            raise ValueError(f"masks hold {len(values)} integer values; needed 0 and 1 (or 255), or their kind")
     if given.dtype.kind != "f":
         return "mask"
     return "probability" if given.min() >= 0.0 and given.max() <= 1.0 else "logit"
@@ -237,9 +237,9 @@ def _chosen(path: Path, label: int | str | None, image: str | int | None) -> Mas
     matching = [item for item in items if label is None or label in (item.name, item.number)]
     if len(matching) != 1:
         held = [item.name if item.number is None else f"{item.number} ({item.name!r})" for item in items]
-        shown = ", ".join(held[:MOST_SHOWN]) + (", ..." if len(held) > MOST_SHOWN else "")
+        listed = ", ".join(held[:MOST_SHOWN]) + (", ..." if len(held) > MOST_SHOWN else "")
         found = f"{len(matching)} regions" + ("" if label is None else f" of the label {label!r}")
-        raise ValueError(f"{path}: found {found}; needed the label of one of: {shown}")
+        raise ValueError(f"{path}: found {found}; needed the label of one of: {listed}")
     return matching[0]
 
 
@@ -248,7 +248,7 @@ def _check_size(path: str | Path, found: tuple[int, ...], needed: tuple[int, int
     if found == tuple(needed):
         return
     turned = found == tuple(needed)[::-1]
-    cure = ", which is turned as its EXIF data say: mark the photo as viewers show it" if turned else ""
+    cure = ", which its EXIF data turn: mark the photo as viewers show it" if turned else ""
     raise ValueError(
         f"{path}: found masks of {found[1]} x {found[0]} pixels; needed {needed[1]} x {needed[0]}, as the image{cure}"
     )

@@ -49,7 +49,7 @@ def _of_mapping(output: Mapping[str, Any]) -> Any:
 
 
 def _of_ultralytics(masks: Any) -> Any:
-    """Its masks at the photo's size: those of the network's own size are drawn anew from their polygons."""
+    """Its masks at the photo's size: masks of the network's own size are redrawn from their polygons."""
     if masks is None:
         raise ValueError("result has no masks; needed one at least, of a model that segments")
     data = as_array(_found(masks.data, "result"), "masks.data", "(n, h, w)")

@@ -89,12 +89,12 @@ def claimed(folder: Path, names: Sequence[str], *, force: bool) -> Iterator[Clai
 def _hidden(folder: Path, names: Sequence[str]) -> Hidden:
     """A hidden folder for these names, none of which another run claims.
 
-    Each run says what it claims before it looks at others, so that of two at least one sees the other.
+    Each run writes its claims before it reads those of other runs, so that of two at least one sees the other.
     """
     for longest in (*PAUSES_S, None):
         hidden = Hidden.made(folder, names)
         try:
-            taken = [(name, other) for other in hidden.others() for name in other.names if name in names]
+            taken = [(name, other) for other in hidden.other_runs() for name in other.names if name in names]
             if not taken:
                 return hidden
         except BaseException:

@@ -1,5 +1,5 @@
-"""Hidden folders in which runs make their files. A file in each says which names its run claims, locked while that goes
-on.
+"""Hidden folders in which runs make their files. A file in each lists the names that its run claims, locked while that
+goes on.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PLAINLY = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(
 
 
 class Other(NamedTuple):
-    """Another run that goes on: the names it claims, and where it runs as far as it says."""
+    """Another run that goes on: the names it claims, and the process and machine where these are given."""
 
     names: list[str]
     where: str
@@ -61,10 +61,10 @@ class Hidden(NamedTuple):
                 raise
             hidden.remove()
 
-    def others(self) -> list[Other]:
+    def other_runs(self) -> list[Other]:
         """The other runs that go on in the folder; what ended ones of this user left there is put back and removed."""
-        found = [_looked_at(self.folder, path) for path in self.folder.glob(f"{HIDDEN}*") if path != self.path]
-        return [other for other in found if other is not None]
+        runs = [_looked_at(self.folder, path) for path in self.folder.glob(f"{HIDDEN}*") if path != self.path]
+        return [other for other in runs if other is not None]
 
     def remove(self) -> None:
         """Remove it and all that is in it, but for files that could not be put back."""
@@ -87,11 +87,11 @@ def _looked_at(folder: Path, path: Path) -> Other | None:
         _remove_remains(path)
         return None
     except OSError:
-        return None  # Another user's, who lets nobody read it.
+        return None  # Another user's, without permission to read it.
     try:
-        held, said = locked(claim), _read(claim)
-        if held is False or (held is None and not has_ended(said)):
-            return _other(said, path)
+        held, claim_values = locked(claim), _read(claim)
+        if held is False or (held is None and not has_ended(claim_values)):
+            return _other(claim_values, path)
         if not (_is_at(claim, path / CLAIM) and _is_own(path)):
             return None
         put_back(folder, path)
@@ -102,9 +102,9 @@ def _looked_at(folder: Path, path: Path) -> Other | None:
     return None
 
 
-def _other(said: dict[str, object], path: Path) -> Other:
-    names = said.get("names")
-    where = f"process {said.get('process')} on {said.get('machine')}, in {path.name}"
+def _other(claim_values: dict[str, object], path: Path) -> Other:
+    names = claim_values.get("names")
+    where = f"process {claim_values.get('process')} on {claim_values.get('machine')}, in {path.name}"
     return Other([name for name in names if isinstance(name, str)] if isinstance(names, list) else [], where)
 
 
@@ -117,15 +117,15 @@ def _opened(claim: Path) -> int:
 
 
 def _read(claim: int) -> dict[str, object]:
-    """What a claim says; nothing where it is none."""
+    """The values of a claim; empty where it is none."""
     if not stat.S_ISREG(os.fstat(claim).st_mode):
         return {}
     os.lseek(claim, 0, os.SEEK_SET)
     try:
-        said = json.loads(os.read(claim, LONGEST_CLAIM))
+        claim_values = json.loads(os.read(claim, LONGEST_CLAIM))
     except (ValueError, RecursionError):
         return {}
-    return said if isinstance(said, dict) else {}
+    return claim_values if isinstance(claim_values, dict) else {}
 
 
 def _is_at(claim: int, path: Path) -> bool:

@@ -1,5 +1,5 @@
-"""Locks of open files, which go with the process that holds them, however it ends; and what tells that it has ended
-where the file system knows no locks.
+"""Locks of open files, which go with the process that holds them, however it ends; and the record by which its end is
+detected where the file system knows no locks.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ LOCKED_BYTE = 1 << 30
 """The byte that Windows locks, whose locks keep others from reading: beyond what is written."""
 
 BOOT, NAMESPACE = Path("/proc/sys/kernel/random/boot_id"), Path("/proc/self/ns/pid")
-"""Where Linux tells of this start of the machine, and in which namespace numbers of processes hold."""
+"""Where Linux gives the boot id, and the namespace of process numbers."""
 
 
 def locked(file: int) -> bool | None:
@@ -55,7 +55,7 @@ def locked(file: int) -> bool | None:
 
 
 def this_process() -> dict[str, str | int]:
-    """What tells this process from others, on other machines, too."""
+    """The identity of this process, unique across machines."""
     try:
         boot, namespace = BOOT.read_text(encoding="utf-8").strip(), os.readlink(NAMESPACE)
     except OSError:
@@ -64,7 +64,7 @@ def this_process() -> dict[str, str | int]:
 
 
 def has_ended(process: Mapping[str, object]) -> bool:
-    """Whether a process, by what `this_process` said in it, is known to have ended."""
+    """Whether a process, identified by `this_process`, has certainly ended."""
     own, number = this_process(), process.get("process")
     if sys.platform == "win32" or not isinstance(number, int) or process.get("machine") != own["machine"]:
         return False

@@ -36,7 +36,7 @@ def write_new(folder: Path, hidden: Path, writers: Mapping[str, Writer]) -> None
     (hidden / NEW).mkdir(mode=0o700, exist_ok=True)
     for name, write in writers.items():
         made = hidden / NEW / name
-        with _told_of(folder / name, hidden):
+        with _renamed_errors(folder / name, hidden):
             write(made)
             _flush(made)
             keep_mode(made, folder / name)
@@ -46,14 +46,14 @@ def place(folder: Path, hidden: Path, names: list[str]) -> None:
     """Move files that `write_new` wrote to `folder`: all of them, or none and an error."""
     if len(names) == 1:
         # One move is whole by itself.
-        with _told_of(folder / names[0], hidden):
+        with _renamed_errors(folder / names[0], hidden):
             os.replace(hidden / NEW / names[0], folder / names[0])
         return
     with held_signals() as deliver:
         try:
             _begin(folder, hidden, names)
             for name in names:
-                with _told_of(folder / name, hidden):
+                with _renamed_errors(folder / name, hidden):
                     _exchange(folder / name, hidden / OLD / name, hidden / NEW / name)
             deliver()
             _flush_folder(folder)
@@ -132,7 +132,7 @@ def _exchange(at: Path, old: Path, new: Path) -> None:
 
 
 @contextmanager
-def _told_of(place: Path, hidden: Path) -> Iterator[None]:
+def _renamed_errors(place: Path, hidden: Path) -> Iterator[None]:
     """Errors of the system about files in a hidden folder name the place that these are meant for."""
     try:
         yield
@@ -149,7 +149,7 @@ def _flush(path: Path) -> None:
 
 
 def _flush_folder(folder: Path) -> None:
-    """Have the disk hold which files are in a folder, where the system can tell it so."""
+    """Have the disk hold which files are in a folder, where the system supports it."""
     try:
         file = os.open(folder, os.O_RDONLY)
     except OSError:
