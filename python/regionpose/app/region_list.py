@@ -33,7 +33,7 @@ class Row:
         """Mark whether it is selected, and show how its region fits."""
         self.whole.classes(add="rp-on" if selected else "", remove="" if selected else "rp-on")
         self.fit.set_text("" if fit is None else fit.value)
-        self.measure.set_text("" if fit is None else fit.brief)
+        self.measure.set_text("" if fit is None else fit.short_measure)
 
 
 class RegionList:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regionpose.validation.arrays import Array, real_array, row_array
+from regionpose.validation.quoting import quoted
 
 Components = tuple[Array, ...]
 
@@ -216,7 +217,7 @@ def finite_number(name: str, value: SupportsFloat) -> float:
             raise TypeError("text and complex numbers are no real numbers")
         number = float(value)
     except (TypeError, ValueError, OverflowError) as error:
-        raise ValueError(f"{name}: found {_brief(value)}; needed a number") from error
+        raise ValueError(f"{name}: found {quoted(value)}; needed a number") from error
     if not math.isfinite(number):
         raise ValueError(f"{name}: found {number}; needed a finite number")
     return number
@@ -235,7 +236,7 @@ def finite_numbers(name: str, values: Iterable[SupportsFloat]) -> tuple[float, .
     try:
         items = list(values)
     except TypeError as error:
-        raise ValueError(f"{name}: found {_brief(values)}; needed a sequence of numbers") from error
+        raise ValueError(f"{name}: found {quoted(values)}; needed a sequence of numbers") from error
     return tuple(finite_number(f"{name}[{index}]", value) for index, value in enumerate(items))
 
 
@@ -246,13 +247,7 @@ def image_length(name: str, value: int | None) -> int | None:
     try:
         length = operator.index(value)
     except TypeError as error:
-        raise ValueError(f"{name}: found {_brief(value)}; needed a whole number of pixels or None") from error
+        raise ValueError(f"{name}: found {quoted(value)}; needed a whole number of pixels or None") from error
     if not 0 < length <= MOST_SIDE:
-        raise ValueError(f"{name}: found {_brief(length)}; needed a whole number from 1 to {MOST_SIDE}")
+        raise ValueError(f"{name}: found {quoted(length)}; needed a whole number from 1 to {MOST_SIDE}")
     return length
-
-
-def _brief(value: object) -> str:
-    """`repr` cut to a length that fits in a message."""
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."

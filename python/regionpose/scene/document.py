@@ -9,6 +9,7 @@ from regionpose.io.json_text import joined_pairs, json_value
 from regionpose.io.reading import check_regular
 from regionpose.io.text_error import TextError, refuse_halves
 from regionpose.io.yaml_text import MappingNode, Node, SequenceNode, line_of, plain_value, yaml_node
+from regionpose.validation.quoting import quoted
 
 Place = tuple[str | int, ...]
 """Where a value stands: the keys and indices that lead to it, () for the whole file."""
@@ -16,9 +17,6 @@ Place = tuple[str | int, ...]
 MAX_BYTES = 4 * 2**20
 """Largest scene file read, in bytes, which takes a gigabyte at the worst: polygons are typed by hand or by a script,
 clouds and masks are files of their own."""
-
-BRIEF = 60
-"""Characters of a found value that a message quotes at most."""
 
 
 class SceneError(ValueError):
@@ -57,7 +55,7 @@ def written_place(place: Place) -> str:
     return written.removeprefix(".")
 
 
-def brief(value: object) -> str:
+def described(value: object) -> str:
     """A found value for a message: lists and mappings by their kind, the rest as written, cut to a length that
     fits.
     """
@@ -65,8 +63,7 @@ def brief(value: object) -> str:
         return "a mapping"
     if isinstance(value, list):
         return f"a list of {len(value)}"
-    text = "nothing" if value is None else repr(value)
-    return text if len(text) <= BRIEF else f"{text[: BRIEF - 3]}..."
+    return "nothing" if value is None else quoted(value)
 
 
 def read_document(path: str | Path) -> Document:

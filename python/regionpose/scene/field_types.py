@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from regionpose.scene.document import brief
+from regionpose.scene.document import described
 
 
 def _numbers(count: int, needed: str) -> Callable[[object], object]:
@@ -19,11 +19,11 @@ def _numbers(count: int, needed: str) -> Callable[[object], object]:
     def check(value: object) -> object:
         if not isinstance(value, list):
             raise PydanticCustomError(
-                "numbers", "found {found}; needed {needed}", {"found": brief(value), "needed": needed}
+                "numbers", "found {found}; needed {needed}", {"found": described(value), "needed": needed}
             )
         odd = next((item for item in value if not _is_number(item)), None)
         if odd is not None or len(value) != count:
-            found = brief(odd) if odd is not None else f"{len(value)} numbers"
+            found = described(odd) if odd is not None else f"{len(value)} numbers"
             raise PydanticCustomError("numbers", "found {found}; needed {needed}", {"found": found, "needed": needed})
         return value
 

@@ -31,7 +31,7 @@ class Fit(NamedTuple):
         return "overlap error" if self.on_their_side is None else "samples on their side"
 
     @property
-    def brief(self) -> str:
+    def short_measure(self) -> str:
         """The same where there is little room."""
         return "overlap error" if self.on_their_side is None else "of samples"
 

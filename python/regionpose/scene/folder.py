@@ -12,7 +12,7 @@ from regionpose.io.masks.mask_files import file_items
 from regionpose.io.masks.mask_items import MaskItem
 from regionpose.io.reading import IMAGE_SUFFIXES
 from regionpose.io.yaml_text import to_yaml
-from regionpose.scene.document import Document, Place, SceneError, brief, document_of, read_document
+from regionpose.scene.document import Document, Place, SceneError, described, document_of, read_document
 from regionpose.scene.loading import Scene, scene_of
 from regionpose.scene.models import PLANES
 from regionpose.scene.paths import moved, relative
@@ -191,7 +191,7 @@ def _document(folder: Path, name: str) -> Document | None:
         return None
     document = read_document(found)
     if not isinstance(document.value, dict):
-        raise document.error((), f"found {brief(document.value)}; needed a mapping with the pair's regions")
+        raise document.error((), f"found {described(document.value)}; needed a mapping with the pair's regions")
     return document
 
 
@@ -222,7 +222,7 @@ def _shared(folder: Path, pairs: Sequence[Pair], out: Path, options: FolderOptio
         named = options.camera if isinstance(options.camera, str) else options.camera["file"]
         sources["camera",] = Source(Path(named))
     if options.prior:
-        values["prior"], sources["prior",] = options.prior, Source(Path("--near, --up or --mount"))
+        values["prior"], sources["prior",] = options.prior, Source(Path("prior of the options"))
     given = set(values)
     for document in (pair.document for pair in pairs if pair.document is not None):
         _share(document, values, sources, out, given)
@@ -236,10 +236,10 @@ def _calibration(folder: Path) -> Path:
     """The calibration in a folder; SceneError where there is none, or several."""
     found = [file for file in _files(folder) if file.stem == CALIBRATION]
     if len(found) > 1:
-        raise SceneError(f"{found[0]}: found {found[1].name}, too; needed one calibration, or --camera")
+        raise SceneError(f"{found[0]}: found {found[1].name}, too; needed one calibration, or camera")
     if not found:
         beside = f", or {CALIBRATION}.yaml in the folder" * folder.is_dir()
-        raise SceneError(f"{folder}: found no camera; needed --camera, the key camera in a pair's scene file{beside}")
+        raise SceneError(f"{folder}: found no camera; needed camera, the key camera in a pair's scene file{beside}")
     return found[0]
 
 
@@ -289,7 +289,7 @@ def _check_photo(pair: Pair, document: Document) -> None:
     """Pass where a pair's scene file names the pair's photo, or none; SceneError otherwise."""
     named = pair.held.get("image")
     if named is not None and (document.path.parent / str(named)).resolve() != pair.photo.resolve():
-        raise document.error(("image",), f"found {brief(named)}; needed {pair.photo.name}, or no such key")
+        raise document.error(("image",), f"found {described(named)}; needed {pair.photo.name}, or no such key")
 
 
 def _check_cloud(pair: Pair, document: Document) -> None:
@@ -301,7 +301,7 @@ def _check_cloud(pair: Pair, document: Document) -> None:
     if pair.cloud is None or not isinstance(file, str):
         return
     if (document.path.parent / file).resolve() != pair.cloud.resolve():
-        raise document.error(("cloud",), f"found {brief(file)}; needed {pair.cloud.name}, or no such key")
+        raise document.error(("cloud",), f"found {described(file)}; needed {pair.cloud.name}, or no such key")
 
 
 class Drawn(NamedTuple):

@@ -177,7 +177,7 @@ def check_photo_name(camera: Camera, name: str) -> tuple[PoseWarning, ...]:
         return ()
     text = (
         "the photo is called {name}, as rectified ones are, but its camera has distortion: where it is rectified, set"
-        " so (camera: {{file, rectified: true}} in a scene, --rectified); otherwise rename it"
+        " rectified (camera: {{file, rectified: true}} in a scene); otherwise rename it"
     )
     return (PoseWarning("rectified-photo", text, values={"name": name}),)
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from regionpose.scene.document import Document, Place, SceneError, brief, read_document
+from regionpose.scene.document import Document, Place, SceneError, described, read_document
 from regionpose.scene.models import EXPOSURE_KEYS, CloudFile, FrameItem, ImageMask, ImageSide, SceneModel, WorldSide
 from regionpose.segment.segmenters import Segmenter
 
@@ -88,7 +88,7 @@ def load_scene(path: str | Path) -> Scene:
 def scene_of(document: Document) -> Scene:
     """The checked scene of a document; SceneError for the first thing wrong."""
     if not isinstance(document.value, dict):
-        raise document.error((), f"found {brief(document.value)}; needed a mapping with camera, image and regions")
+        raise document.error((), f"found {described(document.value)}; needed a mapping with camera, image and regions")
     scene = Scene(document, model_of(document))
     _check_references(scene)
     return scene
@@ -222,7 +222,7 @@ def _placed(details: ErrorDetails) -> tuple[Place, str]:
 
 
 def _message(details: ErrorDetails, context: dict[str, Any]) -> str:
-    kind, found = details["type"], brief(details["input"])
+    kind, found = details["type"], described(details["input"])
     if kind in {"numbers", "unknown_key"}:
         return details["msg"]
     if kind == "missing":
@@ -249,7 +249,7 @@ def _chosen(value: object) -> str:
     """What was found where one of several keys was needed."""
     if isinstance(value, dict) and value:
         return f"model {value['model']!r}" if "model" in value else f"the keys {', '.join(map(str, value))}"
-    return brief(value)
+    return described(value)
 
 
 def _plain(message: str) -> str:

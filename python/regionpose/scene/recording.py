@@ -88,7 +88,7 @@ def _of_kinds(held: BagSummary, kinds: Sequence[str]) -> dict[str, str]:
 
 
 def _topic(bag: Path, held: BagSummary, of: str, kinds: Sequence[str], given: str | None) -> str:
-    """The topic of an option `--photos` or `--clouds`."""
+    """The topic `given` of photos or clouds, `of`, or the only one of these; SceneError otherwise."""
     candidates = _of_kinds(held, kinds)
     listed = ", ".join(f"{name} ({kind})" for name, kind in candidates.items())
     if not candidates:
@@ -97,10 +97,10 @@ def _topic(bag: Path, held: BagSummary, of: str, kinds: Sequence[str], given: st
     if given is not None:
         named = f"/{given.lstrip('/')}"
         if named not in candidates:
-            raise SceneError(f"--{of}: found {given}; needed a topic of {bag}: {listed}")
+            raise SceneError(f"{of}: found {given}; needed a topic of {bag}: {listed}")
         return named
     if len(candidates) > 1:
-        raise SceneError(f"{bag}: found {len(candidates)} topics of {of}; needed --{of} with one of {listed}")
+        raise SceneError(f"{bag}: found {len(candidates)} topics of {of}; needed {of}, one of {listed}")
     return next(iter(candidates))
 
 
@@ -115,15 +115,15 @@ def _calibration_topic(held: BagSummary, photos: str) -> str | None:
 
 
 def wanted_times(text: str) -> list[Decimal]:
-    """Times of `--times`, seconds; ValueError for words that are none."""
+    """Times of a text, seconds; ValueError for words that are none."""
     times = []
     for word in (word.strip() for word in text.split(",")):
         try:
             times.append(Decimal(word))
         except InvalidOperation as error:
-            raise ValueError(f"--times: found {word!r}; needed seconds, with commas between") from error
+            raise ValueError(f"times: found {word!r}; needed seconds, with commas between") from error
         if not (times[-1].is_finite() and times[-1] >= 0):
-            raise ValueError(f"--times: found {word}; needed seconds from the recording's beginning")
+            raise ValueError(f"times: found {word}; needed seconds from the recording's beginning")
     return times
 
 
@@ -142,7 +142,7 @@ def pairs_at(
         time_ns = int(time * NANOSECONDS)
         pair = timeline.pair_near(time_ns - (begin_ns if time_ns >= ABSOLUTE_NS else 0))
         if pair is None:
-            raise SceneError(f"--times: found no photo and cloud within a second of {time}; needed {timeline.span}")
+            raise SceneError(f"times: found no photo and cloud within a second of {time}; needed {timeline.span}")
         pairs.append(pair)
     return list(dict.fromkeys(pairs))
 
@@ -254,7 +254,7 @@ def scene_of_recording(
     """
     if options.camera is None:
         if topics.calibration is None:
-            raise SceneError(f"{bag}: found no calibration (CameraInfo) beside {topics.photos}; needed --camera")
+            raise SceneError(f"{bag}: found no calibration (CameraInfo) beside {topics.photos}; needed camera")
         held: dict[str, Any] = {"file": f"{bag}#{topics.calibration}"}
         options = replace(options, camera={**held, "rectified": True} if topics.rectified else held)
     frames = [

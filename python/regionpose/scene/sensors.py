@@ -10,16 +10,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.cameras import (
-    Camera,
-    EquirectangularCamera,
-    FisheyeCamera,
-    FovCamera,
-    OcamCamera,
-    PinholeCamera,
-    UnifiedCamera,
-)
+from regionpose.cameras import Camera
 from regionpose.cameras.base import resize_factor
+from regionpose.cameras.models import camera_of_model
 from regionpose.io.bags.pictures import read_bag_picture
 from regionpose.io.bags.place import bag_place
 from regionpose.io.calibrations import load_camera
@@ -29,30 +22,12 @@ from regionpose.io.reading import read_colors, read_turn
 from regionpose.progress import Progress
 from regionpose.scene.document import Place
 from regionpose.scene.loading import Scene
-from regionpose.scene.models import (
-    CameraFile,
-    InlineEquirectangular,
-    InlineFisheye,
-    InlineFov,
-    InlineOcam,
-    InlinePinhole,
-    InlineUnified,
-)
+from regionpose.scene.models import CameraFile
 from regionpose.scene.stages import Stages
 from regionpose.validation.arrays import Array
 
 Picture = NDArray[np.uint8]
 Value = TypeVar("Value")
-
-MODELS: dict[type, Callable[..., Camera]] = {
-    InlinePinhole: PinholeCamera,
-    InlineFisheye: FisheyeCamera,
-    InlineUnified: UnifiedCamera,
-    InlineFov: FovCamera,
-    InlineOcam: OcamCamera,
-    InlineEquirectangular: EquirectangularCamera,
-}
-
 
 TURNED_CURE = (
     "the EXIF data of the photo turn it, and the calibration is that of the photo as stored: calibrate with photos as"
@@ -71,8 +46,7 @@ def scene_camera(scene: Scene) -> Camera:
             scene, ("camera", "file"), lambda: load_camera(file, item.name, model=item.model, rectified=rectified)
         )
     parameters: dict[str, Any] = item.model_dump(exclude={"model", "resized"})
-    tupled = {key: _tupled(value) for key, value in parameters.items()}
-    return at_location(scene, ("camera",), lambda: MODELS[type(item)](**tupled))
+    return at_location(scene, ("camera",), lambda: camera_of_model(item.model, parameters))
 
 
 def scene_image(scene: Scene) -> Picture:
@@ -165,7 +139,3 @@ def _missing(error: FileNotFoundError) -> str:
     if folder is not None:
         return f"{error.filename}: no such folder as {folder}; {needed}"
     return f"{error.filename}: no such file; {needed}"
-
-
-def _tupled(value: object) -> object:
-    return tuple(_tupled(item) for item in value) if isinstance(value, list) else value

@@ -294,7 +294,7 @@ def nothing(rig: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (no_camera, r"drive: found no camera; needed --camera, the key camera in a pair's scene file, or calib"),
+        (no_camera, r"drive: found no camera; needed camera, the key camera in a pair's scene file, or calib"),
         (other_camera, r"0002.yaml:\d+: camera: found another than that of \S*0001.yaml; needed one camera for all"),
         (no_regions, r"0003.png: found no region of the photo; needed 0003.yaml, 0003.json or masks 0003-\*.png"),
         (two_clouds, r"0003.npy: found 0003.xyz, too; needed one cloud of the name, or the key cloud in 0003.yaml"),

@@ -42,7 +42,7 @@ def test_nothing_is_overwritten_without_force(
         refuse_work(context)
         code, said, err = run(capsys, "estimate", scene, "--out", out)
     assert (code, said) == (2, "")
-    assert "report.html: the file exists" in err and "--force" in err
+    assert "report.html: the file exists" in err and "force to replace it" in err
     assert [path.name for path in out.iterdir()] == ["report.html"]
     assert (out / "report.html").read_text(encoding="utf-8") == "mine"
     assert run(capsys, "estimate", scene, "--out", out, "--force")[0] == 0

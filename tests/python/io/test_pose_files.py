@@ -72,7 +72,7 @@ def test_what_is_exported_is_read_back(name: str, file: str, tmp_path: Path) -> 
         (
             "two.json",
             json.dumps([NUSCENES, {**NUSCENES, "token": "back"}]),
-            "cameras of calibrated_sensor: found 2; needed --camera-name, one of front, back",
+            "cameras of calibrated_sensor: found 2; needed a name, one of front, back",
         ),
         (
             "chain.yaml",

@@ -226,28 +226,28 @@ BAD: dict[str, tuple[Any, list[str], str]] = {
     "two topics of photos": (
         two_cameras,
         [],
-        r"found 2 topics of photos; needed --photos with one of "
+        r"found 2 topics of photos; needed photos, one of "
         r"/rig/front/image_raw \(sensor_msgs/msg/Image\), /rig/left/image_raw \(sensor_msgs/msg/Image\)",
     ),
     "no such topic": (
         nothing,
         ["--clouds", "/scan"],
-        r"--clouds: found /scan; needed a topic of .*: /lidar/points \(sensor_msgs/msg/PointCloud2\)",
+        r"clouds: found /scan; needed a topic of .*: /lidar/points \(sensor_msgs/msg/PointCloud2\)",
     ),
-    "a topic of another type": (nothing, ["--photos", CLOUDS], "--photos: found /lidar/points; needed a topic"),
+    "a topic of another type": (nothing, ["--photos", CLOUDS], "photos: found /lidar/points; needed a topic"),
     "no clouds": (no_clouds, [], r"found no topic of clouds, but /rig/front/camera_info .*; needed .*PointCloud2"),
     "late clouds": (late_clouds, [], "found no photo with a cloud within a second"),
-    "late clouds at a time": (late_clouds, ["--times", "1"], "--times: found no photo and cloud within a second of 1;"),
-    "no calibration": (no_calibration, [], r"found no calibration .* beside /rig/front/image_raw; needed --camera"),
+    "late clouds at a time": (late_clouds, ["--times", "1"], "times: found no photo and cloud within a second of 1;"),
+    "no calibration": (no_calibration, [], r"found no calibration .* beside /rig/front/image_raw; needed camera"),
     "a short photo": (short_photo, [], "/rig/front/image_raw: found 100 bytes"),
-    "times in words": (nothing, ["--times", "1,noon"], "--times: found 'noon'; needed seconds"),
-    "a time below": (nothing, ["--times=-1"], "--times: found -1; needed seconds"),
+    "times in words": (nothing, ["--times", "1,noon"], "times: found 'noon'; needed seconds"),
+    "a time below": (nothing, ["--times=-1"], "times: found -1; needed seconds"),
     "a late time": (
         nothing,
         ["--times", "60"],
-        "--times: .* within a second of 60; needed photos from 0.000 to 6.000 s",
+        "times: .* within a second of 60; needed photos from 0.000 to 6.000 s",
     ),
-    "a time without end": (nothing, ["--times", "inf"], "--times: found inf; needed seconds"),
+    "a time without end": (nothing, ["--times", "inf"], "times: found inf; needed seconds"),
     "times and frames": (nothing, ["--times", "1", "--frames", "2"], "--frames: found it beside --times"),
     "regions": (nothing, ["--coco", "all.json"], "--coco: found it with .*; needed a folder"),
 }

@@ -171,7 +171,7 @@ def nothing(rig: Path) -> None:
 
 
 BAD: dict[str, tuple[Any, list[str], str]] = {
-    "no calibration": (no_calibration, [], r"rig/left: found no camera; needed --camera, .*, or calib.yaml in the fol"),
+    "no calibration": (no_calibration, [], r"rig/left: found no camera; needed camera, .*, or calib.yaml in the fol"),
     "two calibrations": (two_calibrations, [], r"left/calib.txt: found calib.yaml, too; needed one calibration"),
     "no cloud": (no_cloud, [], r"rig/front: found no photo with a cloud of its name; .*, or in \S*clouds or \S*rig"),
     "an older result": (written_before, [], r"left/report.html: the file exists"),

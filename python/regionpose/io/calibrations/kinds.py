@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from regionpose.cameras import Camera
+from regionpose.cameras.models import model_name
 from regionpose.io.calibrations import (
     colmap,
     dvlc,
@@ -25,7 +26,7 @@ from regionpose.io.calibrations import (
     pix4d,
     ros,
 )
-from regionpose.io.calibrations.models import checked_model, model_of
+from regionpose.io.calibrations.models import checked_model
 from regionpose.io.calibrations.text import CalibrationError, CalibrationText
 from regionpose.io.calibrations.xml_items import STORAGE, Element, is_xml, storage, xml_root
 from regionpose.io.calibrations.yaml_items import YamlItem, YamlMapping, parsed, refuse_broken_json
@@ -109,8 +110,8 @@ def load_camera(
     needed = checked_model(model)
     source = CalibrationText.read(path, needed, rectified=rectified)
     camera = _read(source, name)
-    if needed is not None and model_of(camera) != needed:
-        raise source.error("camera model", model_of(camera), f"{needed}, or another model=")
+    if needed is not None and model_name(camera) != needed:
+        raise source.error("camera model", model_name(camera), f"{needed}, or another model=")
     return camera
 
 

@@ -5,33 +5,20 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 
 from regionpose.cameras import (
     Camera,
-    EquirectangularCamera,
     FisheyeCamera,
-    FovCamera,
-    OcamCamera,
     PinholeCamera,
     UnifiedCamera,
 )
 from regionpose.cameras.distortion import COEFFICIENT_COUNTS
+from regionpose.cameras.models import CameraModel
 from regionpose.io.calibrations.text import CalibrationError
 from regionpose.io.calibrations.yaml_items import YamlItem, YamlMapping
-
-CameraModel = Literal["pinhole", "fisheye", "unified", "fov", "ocam", "equirectangular"]
-
-CLASSES: dict[CameraModel, type[Camera]] = {
-    "pinhole": PinholeCamera,
-    "fisheye": FisheyeCamera,
-    "unified": UnifiedCamera,
-    "fov": FovCamera,
-    "ocam": OcamCamera,
-    "equirectangular": EquirectangularCamera,
-}
 
 MODEL_KEYS = ("model", "cameramodel", "distortionmodel", "modeltype", "cameratype", "lensmodel")
 """Keys, in lower case and without separators, under which files name a model."""
@@ -61,11 +48,6 @@ def checked_model(model: str | None) -> CameraModel | None:
     if model is not None and found is None:
         raise CalibrationError(f"model: found {model!r}; needed one of {', '.join(supported)}")
     return found
-
-
-def model_of(camera: Camera) -> CameraModel:
-    """The name of a camera's model."""
-    return next(name for name, kind in CLASSES.items() if isinstance(camera, kind))
 
 
 def matrix_camera(

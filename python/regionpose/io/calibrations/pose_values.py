@@ -71,5 +71,5 @@ def chosen(path: Path, items: Mapping[str, Any], names: Names, what: str) -> Any
         found = list(items.values())
     if not found:
         listed = ", ".join(list(items)[:20]) + (", ..." if len(items) > 20 else "")
-        raise ValueError(f"{path}: {what}: found {len(items)}; needed --camera-name, one of {listed}")
+        raise ValueError(f"{path}: {what}: found {len(items)}; needed a name, one of {listed}")
     return found[0]

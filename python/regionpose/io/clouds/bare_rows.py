@@ -25,10 +25,7 @@ NORMAL_TOLERANCE = 1e-3
 FARTHEST_RETURN = 100_000.0
 """Coordinates of bare rows are within this (meters) of the scanner; any other bytes read as floats exceed it soon."""
 
-COLUMNS_NEEDED = (
-    "the columns by name, such as x,y,z,intensity,_: columns=(...) in Python, --columns in a command, "
-    "cloud: {file, columns: [...]} in a scene file"
-)
+COLUMNS_NEEDED = "columns: their names, such as x,y,z,intensity,_; in a scene file cloud: {file, columns: [...]}"
 
 
 def read_bin(path: Path, columns: Sequence[str] | None, *, progress: Progress | None = None) -> Cloud:

@@ -196,7 +196,7 @@ def _undistorted(view: ExportedView, tool: str) -> PinholeCamera:
     if not isinstance(camera, PinholeCamera):
         raise ValueError(f"{tool}: found a {type(camera).__name__}; needed a pinhole camera")
     if any(camera.distortion):
-        raise ValueError(f"{tool}: found a camera with distortion; needed that of an undistorted photo, by --camera")
+        raise ValueError(f"{tool}: found a camera with distortion; needed that of an undistorted photo")
     return camera
 
 

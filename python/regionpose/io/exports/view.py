@@ -3,33 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import cast
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from regionpose.cameras import (
-    Camera,
-    EquirectangularCamera,
-    FisheyeCamera,
-    FovCamera,
-    OcamCamera,
-    PinholeCamera,
-    UnifiedCamera,
-)
+from regionpose.cameras import Camera
+from regionpose.cameras.models import CameraModel, camera_of_model, model_name
 from regionpose.geometry.pose import Pose
 from regionpose.validation.arrays import Array
 
 BODY_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Axes of ROS (REP 103): body x forward, y left, z up; optical x right, y down, z forward."""
-
-MODEL_NAMES: dict[type[Camera], str] = {
-    PinholeCamera: "pinhole",
-    FisheyeCamera: "fisheye",
-    UnifiedCamera: "unified",
-    FovCamera: "fov",
-    OcamCamera: "ocam",
-    EquirectangularCamera: "equirectangular",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,23 +40,23 @@ class ExportedView:
         return inverse.rotation * turn, inverse.translation
 
     def required_camera(self, tool: str) -> Camera:
-        """The camera with its size; ValueError where it isn't known."""
+        """The camera with its size; ValueError where it isn't given."""
         if self.camera is None:
-            raise ValueError(f"{tool} wants the camera, too: found none; needed --camera")
+            raise ValueError(f"{tool}: found no camera; needed one")
         if self.camera.width is None or self.camera.height is None:
-            raise ValueError(f"{tool} wants the image's size: found a camera without it; needed width and height")
+            raise ValueError(f"{tool}: found a camera without its image's size; needed width and height")
         return self.camera
 
     def required_image(self, tool: str) -> str:
-        """The photo's name; ValueError where it isn't known."""
+        """The photo's name; ValueError where it isn't given."""
         if self.image is None:
-            raise ValueError(f"{tool} wants the photo's name, too: found none; needed --image")
+            raise ValueError(f"{tool}: found no name of the photo; needed image")
         return self.image
 
 
 def camera_values(camera: Camera) -> dict[str, object]:
     """A camera as scene files write it out."""
-    values: dict[str, object] = {"model": MODEL_NAMES[type(camera)]}
+    values: dict[str, object] = {"model": model_name(camera)}
     for field in fields(camera):  # type: ignore[arg-type]
         value = getattr(camera, field.name)
         if field.init and value is not None:
@@ -81,13 +66,8 @@ def camera_values(camera: Camera) -> dict[str, object]:
 
 def camera_of_values(values: dict[str, object]) -> Camera:
     """The camera that `camera_values` wrote; ValueError for something else."""
-    kinds = {name: kind for kind, name in MODEL_NAMES.items()}
-    given = {key: _tupled(value) for key, value in values.items() if key != "model"}
+    parameters = dict(values)
     try:
-        return kinds[str(values.get("model"))](**given)
+        return camera_of_model(cast("CameraModel", parameters.pop("model")), parameters)
     except (KeyError, TypeError) as error:
-        raise ValueError("found no camera of a known model; needed one as scene files write it") from error
-
-
-def _tupled(value: object) -> object:
-    return tuple(_tupled(item) for item in value) if isinstance(value, list) else value
+        raise ValueError("found no camera of a supported model; needed one as scene files write it") from error

@@ -14,7 +14,6 @@ from regionpose.io.masks.mask_items import (
     Drawn,
     Mask,
     MaskItem,
-    brief,
     checked_runs,
     chosen_image,
     file_size,
@@ -23,6 +22,7 @@ from regionpose.io.masks.mask_items import (
     polygon_item,
     run_values,
 )
+from regionpose.validation.quoting import quoted
 
 LONGEST_RUN_BITS = 65
 """Bits of a run's length in COCO's text, five a character."""
@@ -67,7 +67,7 @@ def listed_items(path: Path, content: list[dict[str, object]], image: str | int 
         item, code = f"{path}, mask {index}", entry.get("segmentation")
         size = code.get("size") if isinstance(code, dict) else None
         if not isinstance(size, list) or len(size) != 2:
-            raise ValueError(f"{item} has the segmentation {brief(code)}; needed run lengths with their size (h, w)")
+            raise ValueError(f"{item} has the segmentation {quoted(code)}; needed run lengths with their size (h, w)")
         given = file_size(path, {"h": size[0], "w": size[1]}, "h", "w", item)
         name = f"category {entry['category_id']}" if "category_id" in entry else f"mask {index}"
         number = _number(entry)
@@ -89,7 +89,7 @@ def _annotation(
     if isinstance(segmentation, list) and segmentation:
         parts = [pixel_points(part, size, f"{item}, polygon {k}") for k, part in enumerate(segmentation)]
         return polygon_item(name, number, size, [Drawn(part) for part in parts])
-    raise ValueError(f"{item} has the segmentation {brief(segmentation)}; needed polygons or run lengths")
+    raise ValueError(f"{item} has the segmentation {quoted(segmentation)}; needed polygons or run lengths")
 
 
 def run_length_mask(code: Mapping[str, object], size: tuple[int, int], item: str) -> Mask:

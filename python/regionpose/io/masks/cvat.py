@@ -16,7 +16,6 @@ from regionpose.io.masks.mask_items import (
     Mask,
     MaskItem,
     box_points,
-    brief,
     checked_runs,
     chosen_image,
     file_size,
@@ -28,6 +27,7 @@ from regionpose.io.masks.mask_items import (
 )
 from regionpose.io.reading import read_xml, whole_number
 from regionpose.validation.arrays import Array
+from regionpose.validation.quoting import quoted
 
 OTHER_SHAPES = {"polyline", "points", "ellipse", "cuboid", "skeleton"}
 """Shapes that are no region, or none with straight edges."""
@@ -72,7 +72,7 @@ def _pairs(shape: Element, item: str) -> Array:
     try:
         return np.array([[float(word) for word in pair.split(",")] for pair in text.split(";")])
     except ValueError as error:
-        raise ValueError(f"{item} has the points {brief(text)}; needed x,y;x,y and so on") from error
+        raise ValueError(f"{item} has the points {quoted(text)}; needed x,y;x,y and so on") from error
 
 
 def _number(shape: Element, key: str, item: str) -> float:
@@ -80,7 +80,7 @@ def _number(shape: Element, key: str, item: str) -> float:
     try:
         return float(text)
     except ValueError as error:
-        raise ValueError(f"{item} has {key} {brief(text)}; needed a number") from error
+        raise ValueError(f"{item} has {key} {quoted(text)}; needed a number") from error
 
 
 def _pixels(shape: Element, size: tuple[int, int], item: str) -> Mask:
@@ -99,7 +99,7 @@ def _whole(shape: Element, key: str, item: str) -> int:
     text = shape.get(key, "")
     number = whole_number(text)
     if number is None:
-        raise ValueError(f"{item} has {key} {brief(text)}; needed a whole number of pixels")
+        raise ValueError(f"{item} has {key} {quoted(text)}; needed a whole number of pixels")
     return number
 
 
@@ -107,5 +107,5 @@ def _runs(shape: Element, item: str) -> NDArray[Any]:
     text = shape.get("rle", "")
     runs = [whole_number(word.strip()) for word in text.split(",")]
     if any(run is None for run in runs):
-        raise ValueError(f"{item} has the rle {brief(text)}; needed whole numbers, one after another")
+        raise ValueError(f"{item} has the rle {quoted(text)}; needed whole numbers, one after another")
     return np.array(runs, dtype=np.int64)

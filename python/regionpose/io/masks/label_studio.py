@@ -15,7 +15,6 @@ from regionpose.io.masks.mask_items import (
     Mask,
     MaskItem,
     box_points,
-    brief,
     chosen_image,
     file_size,
     pixel_points,
@@ -24,6 +23,7 @@ from regionpose.io.masks.mask_items import (
     turned,
 )
 from regionpose.validation.arrays import Array
+from regionpose.validation.quoting import quoted
 
 Entry = dict[str, Any]
 
@@ -118,7 +118,7 @@ def _item(path: Path, result: Entry, item: str) -> MaskItem | None:
         rotation = _number(value, "rotation", item) if "rotation" in value else 0.0
         points = turned(box_points(*corners[0], *corners[1]), corners[0], rotation)
     else:
-        kind = brief(result.get("type"))
+        kind = quoted(result.get("type"))
         needed = "a polygon, a rectangle or a brush, or an export as COCO or PNG"
         return refused_item(name, size, f"{item} ({name!r}) is a {kind}; needed {needed}")
     return polygon_item(name, None, size, [Drawn(pixel_points(points, size, item))])
@@ -128,7 +128,7 @@ def _number(value: Entry, key: str, item: str) -> float:
     try:
         return float(value[key])
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise ValueError(f"{item} has {key} {brief(value.get(key))}; needed a number") from error
+        raise ValueError(f"{item} has {key} {quoted(value.get(key))}; needed a number") from error
 
 
 def _percent(points: object, size: tuple[int, int], item: str) -> Array:
@@ -145,7 +145,7 @@ def _percent(points: object, size: tuple[int, int], item: str) -> Array:
 def _brush_mask(code: object, size: tuple[int, int], item: str) -> Mask:
     """The mask (h, w) of a brush: its pixels that are covered by half at least."""
     if not (isinstance(code, list) and code and all(type(one) is int and 0 <= one <= 255 for one in code)):
-        raise ValueError(f"{item} has the rle {brief(code)}; needed whole numbers from 0 to 255")
+        raise ValueError(f"{item} has the rle {quoted(code)}; needed whole numbers from 0 to 255")
     values, ends = _runs(BitReader(np.array(code, dtype=np.uint8)), CHANNELS * size[0] * size[1], item)
     # The last number of each pixel is its coverage.
     covers = np.diff(ends // CHANNELS, prepend=0)

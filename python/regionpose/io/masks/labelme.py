@@ -19,7 +19,6 @@ from regionpose.io.masks.mask_items import (
     Mask,
     MaskItem,
     box_points,
-    brief,
     file_size,
     listed,
     pixel_points,
@@ -28,6 +27,7 @@ from regionpose.io.masks.mask_items import (
 )
 from regionpose.io.reading import read_pixels
 from regionpose.validation.arrays import Array
+from regionpose.validation.quoting import quoted
 
 HOLE = "__hole__"
 """The label of shapes that are cut out of others."""
@@ -71,16 +71,16 @@ def labelme_items(path: Path, content: dict[str, object]) -> Iterator[MaskItem]:
 def _shape(shape: dict[str, object], size: tuple[int, int], item: str) -> Shape:
     label, kind, group = shape.get("label"), shape.get("shape_type", "polygon"), shape.get("group_id")
     if not isinstance(label, str) or not label:
-        raise ValueError(f"{item} has the label {brief(label)}; needed a name")
+        raise ValueError(f"{item} has the label {quoted(label)}; needed a name")
     if kind not in KINDS or (kind == "mask" and label == HOLE):
-        raise ValueError(f"{item} ({label!r}) is a {brief(kind)}; needed a polygon, a rectangle or a mask")
+        raise ValueError(f"{item} ({label!r}) is a {quoted(kind)}; needed a polygon, a rectangle or a mask")
     if not isinstance(group, int | str | None):
-        raise ValueError(f"{item} ({label!r}) has the group_id {brief(group)}; needed a number or none")
+        raise ValueError(f"{item} ({label!r}) has the group_id {quoted(group)}; needed a number or none")
     points = pixel_points(shape.get("points"), size, item, 3 if kind == "polygon" else 2)
     if kind == "mask":
         text = shape.get("mask")
         if not isinstance(text, str) or len(points) != 2:
-            raise ValueError(f"{item} ({label!r}) has the mask {brief(text)}; needed a PNG in base64 and two corners")
+            raise ValueError(f"{item} ({label!r}) has the mask {quoted(text)}; needed a PNG in base64 and two corners")
         return Shape(item, label, group, points, text)
     return Shape(item, label, group, box_points(*points[0], *points[1]) if len(points) == 2 else points)
 
@@ -141,7 +141,7 @@ def _pixels(path: Path, masks: Sequence[Shape], polygons: Sequence[Drawn], size:
         rows, columns = pixels.shape
         if np.abs(corners[1] - corners[0] + 1.0 - [columns, rows]).max() > CORNER_TO_CENTER:
             raise ValueError(
-                f"{shape.item} has corners {brief(corners.tolist())} for a mask of {columns} x {rows} pixels"
+                f"{shape.item} has corners {quoted(corners.tolist())} for a mask of {columns} x {rows} pixels"
             )
         if min(left, top) < 0 or left + columns > size[1] or top + rows > size[0]:
             found = f"a mask of {columns} x {rows} pixels at ({left}, {top})"
@@ -154,7 +154,7 @@ def _decoded(path: Path, shape: Shape) -> Mask:
     try:
         content = b64decode(shape.text or "", validate=True)
     except binascii.Error as error:
-        raise ValueError(f"{shape.item} has the mask {brief(shape.text)}; needed a PNG in base64") from error
+        raise ValueError(f"{shape.item} has the mask {quoted(shape.text)}; needed a PNG in base64") from error
     pixels = read_pixels(path, content=BytesIO(content)).values
     if pixels.ndim != 2:
         raise ValueError(f"{shape.item} has a mask with {pixels.shape[2]} channels; needed one")

@@ -14,8 +14,9 @@ from regionpose.io.masks.coco import coco_items, listed_items, sam_items
 from regionpose.io.masks.cvat import cvat_items
 from regionpose.io.masks.label_studio import is_label_studio, label_studio_items
 from regionpose.io.masks.labelme import labelme_items
-from regionpose.io.masks.mask_items import Mask, MaskItem, brief
+from regionpose.io.masks.mask_items import Mask, MaskItem
 from regionpose.io.reading import read_json, read_pixels
+from regionpose.validation.quoting import quoted
 
 JSON_FILES = (
     "'shapes' (labelme) or 'images' and 'annotations' (COCO), masks of Segment Anything, or tasks of Label Studio"
@@ -126,7 +127,7 @@ def _json_items(path: Path, image: str | int | None) -> Iterator[MaskItem]:
         and all(isinstance(one, dict) and "segmentation" in one for one in content)
     ):
         return listed_items(path, content, image)
-    found = brief(sorted(content)) if isinstance(content, dict) else type(content).__name__
+    found = quoted(sorted(content)) if isinstance(content, dict) else type(content).__name__
     raise ValueError(f"{path} holds {found}; needed {JSON_FILES}")
 
 

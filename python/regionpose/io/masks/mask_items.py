@@ -20,6 +20,7 @@ from skimage.draw import polygon2mask
 from regionpose.cameras.base import MOST_SIDE
 from regionpose.io.reading import unfolding_error
 from regionpose.validation.arrays import Array
+from regionpose.validation.quoting import quoted
 
 Mask = NDArray[np.bool_]
 
@@ -28,9 +29,6 @@ CORNER_TO_CENTER = 0.5
 
 OUTSIDE_MARGIN = 1.0
 """Pixels that a polygon may reach beyond the image: drawn along its border, it may be off by one but not by more."""
-
-MOST_CHARACTERS = 60
-"""Characters of a found value that a message quotes at most."""
 
 
 class Drawn(NamedTuple):
@@ -144,7 +142,7 @@ def size_of(content: Mapping[str, object], height: str, width: str, item: str) -
     """The size (h, w) under two keys; ValueError for no whole numbers above 0."""
     values = content.get(height), content.get(width)
     if not all(type(value) is int and 0 < value <= MOST_SIDE for value in values):
-        found = f"{height} {brief(values[0])} and {width} {brief(values[1])}"
+        found = f"{height} {quoted(values[0])} and {width} {quoted(values[1])}"
         raise ValueError(f"{item} has {found}; needed whole numbers from 1 to {MOST_SIDE}")
     return int(str(values[0])), int(str(values[1]))
 
@@ -169,8 +167,3 @@ def chosen_image(
         held = ", ".join(f"{number} ({name})" for number, name in images[:8])
         raise ValueError(f"{path} has {len(matching)} {what} {image!r}; needed the id or file name of one of: {held}")
     return matching[0]
-
-
-def brief(value: object) -> str:
-    """A value as text, short enough for a message."""
-    return repr(value)[:MOST_CHARACTERS]

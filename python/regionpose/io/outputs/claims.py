@@ -25,7 +25,7 @@ def refuse_existing(paths: list[Path], force: bool) -> None:
         if path.is_dir():
             raise FileExistsError(f"{path}: found a directory; needed the path of a file")
         if os.path.lexists(path) and not force:
-            raise FileExistsError(f"{path}: the file exists; needed another path, or --force to replace it")
+            raise FileExistsError(f"{path}: the file exists; needed another path, or force to replace it")
         _refuse_blocked(path)
 
 
