@@ -25,7 +25,9 @@ NORMAL_TOLERANCE = 1e-3
 FARTHEST_RETURN = 100_000.0
 """Coordinates of bare rows are within this (meters) of the scanner; any other bytes read as floats exceed it soon."""
 
-COLUMNS_NEEDED = "columns: their names, such as x,y,z,intensity,_; in a scene file cloud: {file, columns: [...]}"
+COLUMNS_NEEDED = (
+    "the names of the columns, such as x,y,z,intensity,_ (columns; cloud: {file, columns: [...]} in a scene file)"
+)
 
 
 def read_bin(path: Path, columns: Sequence[str] | None, *, progress: Progress | None = None) -> Cloud:
