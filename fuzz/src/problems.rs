@@ -118,15 +118,16 @@ fn options(random: &mut Random) -> Options {
     let refinement = if once_in(random, 6) { Refinement::Off } else { Refinement::Contour };
     let mut prior = Prior::default();
     if once_in(random, 5) {
-        prior.up = Some(random.direction());
+        prior = prior.with_up(random.direction(), None).expect("a direction");
     }
     if once_in(random, 5) {
-        prior.initial = Some(Pose::new(random.rotation(), random.direction() * magnitude(random, -3.0, 3.0)));
+        let pose = Pose::new(random.rotation(), random.direction() * magnitude(random, -3.0, 3.0));
         let sigma = PoseSigma { rotation: magnitude(random, -6.0, 1.0), place: magnitude(random, -6.0, 3.0) };
-        prior.initial_sigma = once_in(random, 2).then_some(sigma);
+        prior = prior.with_initial(pose, once_in(random, 2).then_some(sigma)).expect("a finite pose");
     }
     if once_in(random, 5) {
-        prior.near = Some(random.direction() * magnitude(random, -3.0, 3.0));
+        let place = random.direction() * magnitude(random, -3.0, 3.0);
+        prior = prior.with_near(place, None).expect("a finite place");
     }
     Options { start, prior, refinement, ..Options::default() }
 }

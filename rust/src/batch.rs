@@ -40,7 +40,7 @@ pub fn in_parallel<P: Sync, A: Send>(
     solve: impl Fn(&P) -> Result<A> + Sync,
 ) -> Result<Vec<Result<A>>> {
     if threads == Some(0) {
-        return Err(Error::OutOfRange { item: "threads", found: "0".into(), needed: "at least 1".into() });
+        return Err(Error::InvalidOption { item: "threads", found: "0".into(), needed: "at least 1".into() });
     }
     // A pool of its own: the process-wide one deadlocks in a forked child.
     let pool = ThreadPoolBuilder::new()

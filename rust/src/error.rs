@@ -212,10 +212,50 @@ pub enum Error {
     /// Nobody waits for the result any more.
     #[error("the work was stopped; it needs somebody who waits for it")]
     Stopped,
-    /// An option or a size lies outside its range.
+    /// An option outside its range.
     #[error("{item} is {found}; it needs to be {needed}")]
-    OutOfRange {
-        /// The option or size.
+    InvalidOption {
+        /// The option.
+        item: &'static str,
+        /// The value found.
+        found: String,
+        /// What is accepted.
+        needed: String,
+    },
+    /// A prior that no pose can be compared with.
+    #[error("{item} is {found}; it needs to be {needed}")]
+    InvalidPrior {
+        /// The field of the prior.
+        item: &'static str,
+        /// The value found.
+        found: String,
+        /// What is accepted.
+        needed: String,
+    },
+    /// A matrix that is no rotation.
+    #[error("{item} is {found}; it needs to be {needed}")]
+    InvalidRotation {
+        /// What the matrix is.
+        item: &'static str,
+        /// The value found.
+        found: String,
+        /// What is accepted.
+        needed: String,
+    },
+    /// Points, vertices or samples of a region that determine no region.
+    #[error("{item} is {found}; it needs to be {needed}")]
+    InvalidGeometry {
+        /// What is refused.
+        item: &'static str,
+        /// The value found.
+        found: String,
+        /// What is accepted.
+        needed: String,
+    },
+    /// An observed region that cannot be compared: its area, pixels, or what its image's border leaves of it.
+    #[error("{item} is {found}; it needs to be {needed}")]
+    InvalidObservation {
+        /// What is refused.
         item: &'static str,
         /// The value found.
         found: String,

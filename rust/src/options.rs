@@ -35,7 +35,7 @@ pub enum Refinement {
 /// # let observed = [ObservedRegion::new(vec![bearings], 20_000.0)];
 /// # let worlds = [WorldRegion::from_rings(&[sign])?];
 /// // A camera held upright, in a world whose y axis points down; the moments alone decide.
-/// let prior = Prior { up: Some(-Vector3::y()), ..Prior::default() };
+/// let prior = Prior::default().with_up(-Vector3::y(), None)?;
 /// let options = Options { prior, refinement: Refinement::Off, ..Options::default() };
 /// let estimate = Problem::new(&observed, &worlds)?.estimate_with(&options)?;
 /// assert!(estimate.warnings.is_empty() && estimate.best.minimum.is_some());

@@ -46,7 +46,7 @@ pub struct PoseSigma {
 /// // A rough pose with its standard deviations, 6 degrees and 20 cm, leaves one of them.
 /// let initial = Pose::new(Pose::identity().rotation, Vector3::new(-0.4, 0.1, 4.1));
 /// let sigma = PoseSigma { rotation: 0.1, place: 0.2 };
-/// let prior = Prior { initial: Some(initial), initial_sigma: Some(sigma), ..Prior::default() };
+/// let prior = Prior::default().with_initial(initial, Some(sigma))?;
 /// let estimate = problem.estimate_with(&Options { prior, ..Options::default() })?;
 /// assert!(estimate.alternatives.is_empty() && estimate.best.pose.angle_to(&initial) < 1e-6);
 /// # Ok::<(), regionpose::Error>(())
@@ -55,17 +55,16 @@ pub struct PoseSigma {
 #[must_use]
 pub struct Prior {
     /// A rough pose, `camera_from_world`.
-    pub initial: Option<Pose>,
-    /// How rough; without it the initial pose is a start, and chooses among poses that fit alike.
-    pub initial_sigma: Option<PoseSigma>,
+    pub(crate) initial: Option<Pose>,
+    pub(crate) initial_sigma: Option<PoseSigma>,
     /// The direction, in the world, that is up in the image.
-    pub up: Option<Vector3<f64>>,
+    pub(crate) up: Option<Vector3<f64>>,
     /// Standard deviation of its angle from the image's up, rad; [`UP_SIGMA`] where there is none.
-    pub up_sigma: Option<f64>,
+    pub(crate) up_sigma: Option<f64>,
     /// A place of the world that the camera stands near.
-    pub near: Option<Vector3<f64>>,
+    pub(crate) near: Option<Vector3<f64>>,
     /// Standard deviation of the camera's place about it along each axis, meters; [`NEAR_SIGMA`] where there is none.
-    pub near_sigma: Option<f64>,
+    pub(crate) near_sigma: Option<f64>,
 }
 
 /// How far a pose is from the initial one.
@@ -119,38 +118,54 @@ impl PlaceDeviation {
 }
 
 impl Prior {
-    /// Refuses what no pose could be compared with: [`Problem::search`](crate::Problem::search) does.
+    /// The same with a rough pose, `camera_from_world`, and its uncertainty: without one the pose is a start, and chooses among poses
+    /// that fit alike.
     ///
     /// # Errors
-    /// An initial pose, a direction or a place that is not finite, a rotation that is none, a direction of no length, and a
-    /// deviation that is not a positive number; the message names the field.
-    pub fn check(&self) -> Result<()> {
-        if let Some(Pose { rotation, translation }) = self.initial {
-            let _ = Pose::from_matrix(rotation.matrix(), translation)?;
-        }
-        for (item, vector) in [("near entry", self.near), ("up entry", self.up)] {
-            let entries = vector.iter().flatten().enumerate();
-            if let Some((index, &value)) = entries.into_iter().find(|(_, entry)| !entry.is_finite()) {
-                return Err(Error::NotFinite { item: item.into(), index, value });
-            }
-        }
-        if let Some(length) = self.up.map(|up| up.norm()).filter(|length| !is_positive(*length)) {
+    /// A pose that is not finite or whose rotation is none, and a deviation that is not a positive number.
+    pub fn with_initial(self, pose: Pose, sigma: Option<PoseSigma>) -> Result<Self> {
+        // The pose itself, as given: what is made orthonormal differs in the last digits.
+        let _ = Pose::from_matrix(pose.rotation.matrix(), pose.translation)?;
+        check_sigma("initial_sigma.rotation", sigma.map(|sigma| sigma.rotation))?;
+        check_sigma("initial_sigma.place", sigma.map(|sigma| sigma.place))?;
+        Ok(Self { initial: Some(pose), initial_sigma: sigma, ..self })
+    }
+
+    /// The same with the direction, in the world, that is up in the image, and the standard deviation of its angle, rad;
+    /// [`UP_SIGMA`] where there is none.
+    ///
+    /// # Errors
+    /// A direction that is not finite or has no length, and a deviation that is not a positive number.
+    pub fn with_up(self, up: Vector3<f64>, sigma: Option<f64>) -> Result<Self> {
+        check_finite("up entry", &up)?;
+        let length = up.norm();
+        if !is_positive(length) {
             let found = if length == 0.0 { "a zero vector".into() } else { format!("a vector of length {length}") };
-            return Err(Error::OutOfRange { item: "up", found, needed: "a direction".into() });
+            return Err(Error::InvalidPrior { item: "up", found, needed: "a direction".into() });
         }
-        let deviations = [
-            ("initial_sigma.rotation", self.initial_sigma.map(|sigma| sigma.rotation)),
-            ("initial_sigma.place", self.initial_sigma.map(|sigma| sigma.place)),
-            ("up_sigma", self.up_sigma),
-            ("near_sigma", self.near_sigma),
-        ];
-        match deviations.into_iter().find_map(|(item, sigma)| Some((item, sigma.filter(|sigma| !is_positive(*sigma))?)))
-        {
-            Some((item, found)) => {
-                Err(Error::OutOfRange { item, found: found.to_string(), needed: "a positive number".into() })
-            }
-            None => Ok(()),
-        }
+        check_sigma("up_sigma", sigma)?;
+        Ok(Self { up: Some(up), up_sigma: sigma, ..self })
+    }
+
+    /// The same with a place of the world that the camera stands near, and the standard deviation of the camera's place about it
+    /// along each axis, meters; [`NEAR_SIGMA`] where there is none.
+    ///
+    /// # Errors
+    /// A place that is not finite, and a deviation that is not a positive number.
+    pub fn with_near(self, place: Vector3<f64>, sigma: Option<f64>) -> Result<Self> {
+        check_finite("near entry", &place)?;
+        check_sigma("near_sigma", sigma)?;
+        Ok(Self { near: Some(place), near_sigma: sigma, ..self })
+    }
+
+    /// The rough pose, `camera_from_world`, and its uncertainty where that is given.
+    pub fn initial(&self) -> Option<(Pose, Option<PoseSigma>)> {
+        self.initial.map(|pose| (pose, self.initial_sigma))
+    }
+
+    /// The direction, in the world, that is up in the image, and the standard deviation of its angle, rad.
+    pub fn up(&self) -> Option<(Vector3<f64>, f64)> {
+        self.up.map(|up| (up, self.up_sigma.unwrap_or(UP_SIGMA)))
     }
 
     /// The initial pose and how rough it is, where both are known.
@@ -258,6 +273,20 @@ fn add_place(factor: &mut Gaussian, pose: &Pose, place: &Vector3<f64>, sigma: f6
     add_block(factor, 3, &Matrix3::identity(), &-pose.transform(place), sigma);
 }
 
+fn check_finite(item: &str, vector: &Vector3<f64>) -> Result<()> {
+    match vector.iter().enumerate().find(|(_, entry)| !entry.is_finite()) {
+        Some((index, &value)) => Err(Error::NotFinite { item: item.into(), index, value }),
+        None => Ok(()),
+    }
+}
+
+fn check_sigma(item: &'static str, sigma: Option<f64>) -> Result<()> {
+    match sigma.filter(|sigma| !is_positive(*sigma)) {
+        Some(found) => Err(Error::InvalidPrior { item, found: found.to_string(), needed: "a positive number".into() }),
+        None => Ok(()),
+    }
+}
+
 fn is_positive(number: f64) -> bool {
     number > 0.0 && number.is_finite()
 }
@@ -283,7 +312,7 @@ mod tests {
     }
 
     fn rough(rotation: f64, place: f64) -> Prior {
-        Prior { initial: Some(pose()), initial_sigma: Some(PoseSigma { rotation, place }), ..Prior::default() }
+        Prior::default().with_initial(pose(), Some(PoseSigma { rotation, place })).unwrap()
     }
 
     /// A camera turned by 0.2 rad where it stands, then carried by 0.6 m without a turn.

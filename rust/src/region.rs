@@ -82,7 +82,7 @@ impl ObservedRegion {
         if self.pixel_area > 0.0 && self.pixel_area.is_finite() {
             return Ok(self.pixel_area);
         }
-        Err(Error::OutOfRange {
+        Err(Error::InvalidObservation {
             item: "the observed region's area in pixels",
             found: self.pixel_area.to_string(),
             needed: "a positive number".into(),
@@ -188,7 +188,7 @@ impl WorldRegion {
         if height > ON_EDGE * distance {
             return Ok(Self { viewpoint: Some(viewpoint), ..self });
         }
-        Err(Error::OutOfRange {
+        Err(Error::InvalidGeometry {
             item: "the viewpoint",
             found: format!("{height:.3e} off the region's plane at a distance of {distance:.3e}"),
             needed: "a point clearly on one side of it".into(),
@@ -217,7 +217,7 @@ impl WorldRegion {
     /// What [`Samples::new`] refuses, and samples of a surface that is not planar.
     pub fn with_samples(self, inside: &[Vector3<f64>], outside: &[Vector3<f64>]) -> Result<Self> {
         if self.surface.is_some() {
-            return Err(Error::OutOfRange {
+            return Err(Error::InvalidGeometry {
                 item: "the region with samples",
                 found: "a surface that is not planar".into(),
                 needed: "a planar region".into(),
@@ -243,7 +243,7 @@ impl WorldRegion {
     /// # Errors
     /// What [`Samples::with_enclosed`] refuses, and a region without samples.
     pub fn with_enclosed(self, enclosed: &[Vector3<f64>]) -> Result<Self> {
-        let samples = self.samples.ok_or_else(|| Error::OutOfRange {
+        let samples = self.samples.ok_or_else(|| Error::InvalidGeometry {
             item: "the region with enclosed samples",
             found: "a region without others".into(),
             needed: "samples inside and outside".into(),

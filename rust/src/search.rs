@@ -31,7 +31,6 @@ use crate::effort;
 use crate::equations::least_squares::{Minimum, minimize};
 use crate::equations::system::Weighting;
 use crate::equations::whitening::Orders;
-use crate::error::Result;
 use crate::geometry::pose::Pose;
 use crate::options::{Options, Refinement, Start};
 use crate::problem::Problem;
@@ -46,7 +45,7 @@ use crate::problem::Problem;
 /// # let bearings = sign.iter().map(|x| (x + Vector3::new(-0.2, 0.1, 4.0)).normalize()).collect();
 /// # let observed = [ObservedRegion::new(vec![bearings], 20_000.0)];
 /// # let worlds = [WorldRegion::from_rings(&[sign])?];
-/// let search = Problem::new(&observed, &worlds)?.search(&Options::default())?;
+/// let search = Problem::new(&observed, &worlds)?.search(&Options::default());
 /// // Any least squares may run here; this one is `Problem::estimate`'s.
 /// let minima = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
 /// assert!(search.assess(minima).is_ok_and(|estimate| estimate.alternatives.is_empty()));
@@ -70,16 +69,7 @@ impl Problem {
     /// The poses that may be the answer; those found by the limit of its work where that is reached.
     ///
     /// Samples that tell nothing at any of them change nothing: their regions are known by their outlines alone.
-    ///
-    /// # Errors
-    /// A prior that [`Prior::check`](crate::Prior::check) refuses.
-    pub fn search(&self, options: &Options) -> Result<Search> {
-        options.prior.check()?;
-        Ok(self.checked_search(options))
-    }
-
-    /// The same with a prior that is known to be one.
-    pub(crate) fn checked_search(&self, options: &Options) -> Search {
+    pub fn search(&self, options: &Options) -> Search {
         let search = self.bounded_search(options);
         match search.with_informative_samples() {
             Some(problem) => problem.bounded_search(options),

@@ -209,7 +209,7 @@ fn facing_solves(scene: &Scene, up: &Vector3<f64>, system: System) -> bool {
 
 /// Whether the native solver finds the truth from the paper's start.
 fn paper_solves(scene: &Scene, up: &Vector3<f64>, system: System) -> bool {
-    let prior = Prior { up: Some(*up), ..Prior::default() };
+    let prior = Prior::default().with_up(*up, None).unwrap();
     let estimate = scene.problem(system, Integration::Boundary).estimate_with(&Options {
         start: Start::Paper,
         prior,

@@ -15,7 +15,7 @@ fn problem(scene: &Scene) -> Problem {
 }
 
 fn near(place: Vector3<f64>) -> Prior {
-    Prior { near: Some(place), ..Prior::default() }
+    Prior::default().with_near(place, None).unwrap()
 }
 
 /// The direction poses as `camera_from_world`.
@@ -80,8 +80,8 @@ fn a_turn_that_directions_leave_free_is_that_of_up_or_of_the_contours() {
             // To half a step of 5 degrees, the nearest to the contours first of those that are turned.
             let angle = poses[1].angle_to(&scene.pose);
             assert!(angle < 2.51_f64.to_radians(), "{:.2} deg, {regions} regions", angle.to_degrees());
-            let up = Some(scene.pose.rotation.inverse() * -Vector3::y());
-            let angle = found(&scene, &Prior { up, ..free })[0].angle_to(&scene.pose);
+            let up = scene.pose.rotation.inverse() * -Vector3::y();
+            let angle = found(&scene, &free.with_up(up, None).unwrap())[0].angle_to(&scene.pose);
             assert!(angle < 1e-9, "{angle:.1e} rad");
         }
     }

@@ -19,9 +19,6 @@ use regionpose::{
 /// Error allowed of poses from exact images: rad, and a share of the distance.
 const EXACT: f64 = 1e-9;
 
-const NO_PRIOR: Prior =
-    Prior { initial: None, initial_sigma: None, up: None, up_sigma: None, near: None, near_sigma: None };
-
 /// Error allowed of the sphere's equations, which are nearly dependent on a region of half a radian: whitening multiplies
 /// their rounding by 1e6 (measured: 1.2e-9).
 const NEARLY_DEPENDENT: f64 = 1e-8;
@@ -127,7 +124,7 @@ fn symmetric_shapes_return_each_of_their_poses_with_a_warning() {
     for (ring, turns) in [(rectangle(1.6, 1.0), 2), (regular(4, 0.8), 4), (regular(6, 0.8), 6)] {
         for _ in 0..5 {
             let (scene, poses) = symmetric_view(&mut random, ring.clone(), turns, 0.7);
-            let estimate = estimated(&scene, &NO_PRIOR);
+            let estimate = estimated(&scene, &Prior::default());
             let found = all_poses(&estimate);
             assert_eq!(found.len(), 2 * turns);
             for expected in poses {
@@ -147,7 +144,7 @@ fn a_triangle_returns_the_poses_of_its_three_points() {
     let mut random = Random::new(36);
     for _ in 0..5 {
         let (scene, poses) = symmetric_view(&mut random, regular(3, 1.0), 3, 1.0);
-        let estimate = estimated(&scene, &NO_PRIOR);
+        let estimate = estimated(&scene, &Prior::default());
         let found = all_poses(&estimate);
         // Three points in space have up to four poses for each of six labelings.
         assert!(found.len() >= 6 && found.len().is_multiple_of(6), "{} poses", found.len());
@@ -159,7 +156,7 @@ fn a_triangle_returns_the_poses_of_its_three_points() {
 #[test]
 fn shapes_without_symmetry_have_one_pose_and_no_warning() {
     let scene = Scene::random(&mut Random::new(33), Layout { regions: 3, ..Layout::default() });
-    let estimate = estimated(&scene, &NO_PRIOR);
+    let estimate = estimated(&scene, &Prior::default());
     assert!(estimate.alternatives.is_empty() && estimate.warnings.is_empty(), "{:?}", estimate.warnings);
     assert!(estimate.best.region_overlap_errors.iter().all(|&error| error < 1e-6));
 }
@@ -174,11 +171,10 @@ fn a_rough_pose_chooses_among_symmetric_ones() {
     ] {
         let (scene, poses) = symmetric_view(&mut random, ring, turns, 0.7);
         for expected in poses {
-            let initial = Some(expected.moved(&random.tangent(0.2, 0.3)));
+            let initial = expected.moved(&random.tangent(0.2, 0.3));
+            let prior = Prior::default().with_initial(initial, None).unwrap();
             let problem = scene.problem(System::Plane, Integration::Boundary);
-            let estimate = problem
-                .estimate_with(&Options { start, prior: Prior { initial, ..NO_PRIOR }, ..Options::default() })
-                .unwrap();
+            let estimate = problem.estimate_with(&Options { start, prior, ..Options::default() }).unwrap();
             assert!(estimate.best.pose.angle_to(&expected) < SYMMETRIC, "{turns} turns, {start:?}");
         }
     }
@@ -189,8 +185,8 @@ fn the_up_direction_chooses_among_symmetric_poses() {
     let mut random = Random::new(35);
     let (scene, poses) = symmetric_view(&mut random, rectangle(1.6, 1.0), 2, 0.7);
     for expected in poses {
-        let up = Some(expected.rotation.inverse() * Vector3::new(0.1, -1.0, 0.1));
-        let estimate = estimated(&scene, &Prior { up, ..NO_PRIOR });
+        let up = expected.rotation.inverse() * Vector3::new(0.1, -1.0, 0.1);
+        let estimate = estimated(&scene, &Prior::default().with_up(up, None).unwrap());
         assert!(estimate.best.pose.angle_to(&expected) < SYMMETRIC);
     }
 }
@@ -258,7 +254,7 @@ fn covariances_are_symmetric_and_positive() {
     let mut random = Random::new(38);
     for regions in [1, 2, 3] {
         let scene = Scene::random(&mut random, Layout { regions, ..Layout::default() });
-        let covariance = estimated(&scene, &NO_PRIOR).best.covariance;
+        let covariance = estimated(&scene, &Prior::default()).best.covariance;
         let scale = Matrix6::from_diagonal(&covariance.diagonal().map(|variance| variance.sqrt().recip()));
         let correlation = scale * covariance * scale;
         assert!((correlation - correlation.transpose()).amax() < 1e-9);
@@ -329,7 +325,7 @@ fn a_start_out_of_view_ends_unconverged() {
     for start in [away.after(&scene.pose), Pose::new(scene.pose.rotation, scene.pose.translation * f64::NAN)] {
         let problem = scene.problem(System::Plane, Integration::Boundary);
         assert!(problem.evaluate(&start, Weighting::Uniform).is_none());
-        let search = problem.search(&Options::default()).unwrap();
+        let search = problem.search(&Options::default());
         let minimum = search.solve_from(&start);
         assert!(!minimum.converged && minimum.cost == f64::INFINITY, "{minimum:?}");
         assert_eq!(minimum.termination, Termination::OutOfView);
@@ -371,18 +367,19 @@ proptest! {
     #[test]
     fn a_pose_is_a_pose_whatever_the_prior(seed: u64, wild in proptest::array::uniform6(any::<f64>())) {
         let scene = Scene::random(&mut Random::new(seed), Layout::default());
-        let up = Some(Vector3::from_column_slice(&wild[..3]));
-        let initial = Some(Pose::new(scene.pose.rotation, Vector3::from_column_slice(&wild[3..])));
+        let up = Vector3::from_column_slice(&wild[..3]);
+        let initial = Pose::new(scene.pose.rotation, Vector3::from_column_slice(&wild[3..]));
         let problem = scene.problem(System::Plane, Integration::Boundary);
-        let options = Options { prior: Prior { initial, up, ..NO_PRIOR }, ..Options::default() };
-        let length = options.prior.up.unwrap().norm();
-        let Ok(estimate) = problem.estimate_with(&options) else {
+        let length = up.norm();
+        let Ok(upright) = Prior::default().with_up(up, None) else {
             prop_assert!(length == 0.0 || length == f64::INFINITY);
             return Ok(());
         };
+        let prior = upright.with_initial(initial, None).unwrap();
+        let estimate = problem.estimate_with(&Options { prior, ..Options::default() }).unwrap();
         prop_assert!(scene.errors(&estimate.best.pose).0 < EXACT);
         for start in [Start::Global, Start::Paper] {
-            let prior = Prior { up, ..NO_PRIOR };
+            let prior = upright;
             let _ = problem.estimate_with(&Options { start, prior, ..Options::default() });
         }
     }

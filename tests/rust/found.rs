@@ -236,7 +236,7 @@ fn turned(number: usize) -> Pose {
 fn a_search_beside_several_hundred_edges_is_bounded() {
     for (by, name) in [(along_border as fn(_, &mut _), "border"), (behind_edges, "hidden")] {
         let problem = beset(400, by);
-        let (search, work) = effort::counted(|| problem.search(&Options::default()).unwrap());
+        let (search, work) = effort::counted(|| problem.search(&Options::default()));
         let most = MOST_LOOKS * problem.work();
         assert!(work < most + most / 10, "{name}: {work}, bound {most}");
         let minima = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
@@ -292,7 +292,7 @@ fn a_mesh_is_searched_along_its_boundary() {
     for system in [System::Plane, System::Sphere] {
         let [boundary, mesh] = [Integration::Boundary, Integration::Mesh { size: Some(0.02) }].map(|integration| {
             let problem = scene.problem(system, integration);
-            let (search, work) = effort::counted(|| problem.search(&Options::default()).unwrap());
+            let (search, work) = effort::counted(|| problem.search(&Options::default()));
             let minima: Vec<_> = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
             assert!(!minima.is_empty() && minima.iter().all(|minimum| minimum.converged && minimum.evaluations < 10));
             (search.problem().work(), work)

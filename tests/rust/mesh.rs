@@ -161,7 +161,7 @@ fn options_out_of_range_are_named() {
         (None, Some(f64::NAN), "min_angle"),
     ] {
         let found = triangulate(&frame(), MeshOptions { max_area, min_angle }).unwrap_err();
-        assert!(matches!(found, Error::OutOfRange { item: named, .. } if named == item), "{found}");
+        assert!(matches!(found, Error::InvalidOption { item: named, .. } if named == item), "{found}");
     }
     for length in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-4, 5e-324] {
         let found = even_mesh(&frame(), length).unwrap_err();

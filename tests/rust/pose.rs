@@ -119,7 +119,7 @@ proptest! {
     #[test]
     fn matrices_with_overflowing_products_are_refused(signs in proptest::array::uniform9(-1.0..1.0), exponent in 100.0..308.0) {
         let rotation = Matrix3::from_column_slice(&signs) * 10.0_f64.powf(exponent);
-        let refused = matches!(Pose::from_matrix(&rotation, Vector3::zeros()), Err(Error::OutOfRange { .. }));
+        let refused = matches!(Pose::from_matrix(&rotation, Vector3::zeros()), Err(Error::InvalidRotation { .. }));
         prop_assert!(refused);
     }
 }

@@ -46,16 +46,12 @@ fn rough(random: &mut Random, truth: &Pose) -> Prior {
     let [a, b, c, x, y, z] = [0; 6].map(|_| random.normal());
     let turn = Rotation3::new(Vector3::new(a, b, c) * ROUGH.rotation);
     let translation = turn * truth.translation + Vector3::new(x, y, z) * ROUGH.place;
-    Prior {
-        initial: Some(Pose::new(turn * truth.rotation, translation)),
-        initial_sigma: Some(ROUGH),
-        ..Prior::default()
-    }
+    Prior::default().with_initial(Pose::new(turn * truth.rotation, translation), Some(ROUGH)).unwrap()
 }
 
 /// The world direction that is up in the image of a camera.
 fn up_of(truth: &Pose) -> Prior {
-    Prior { up: Some(truth.rotation.inverse() * -Vector3::y()), ..Prior::default() }
+    Prior::default().with_up(truth.rotation.inverse() * -Vector3::y(), None).unwrap()
 }
 
 fn seen_from_the_camera(scene: &mut Scene) {
@@ -70,7 +66,7 @@ fn a_rough_pose_with_its_uncertainty_leaves_one_pose_of_a_symmetric_shape() {
         for _ in 0..5 {
             let scene = view(&mut random, ring.clone(), 0.7);
             let prior = rough(&mut random, &scene.pose);
-            let start = Prior { initial_sigma: None, ..prior };
+            let start = Prior::default().with_initial(prior.initial().unwrap().0, None).unwrap();
             assert_eq!(codes(&estimated(&scene, &start)), ["ambiguous"]);
             let estimate = estimated(&scene, &prior);
             assert!(estimate.alternatives.is_empty() && estimate.warnings.is_empty(), "{:?}", estimate.warnings);
@@ -114,14 +110,20 @@ fn a_rough_prior_does_not_move_a_pose_that_is_held() {
 
 /// A prior with all its terms, each about another pose.
 fn everything(random: &mut Random, initial: &Pose, upright: &Pose, place: &Pose) -> Prior {
-    Prior {
-        initial: Some(*initial),
-        initial_sigma: Some(PoseSigma { rotation: random.uniform(0.05, 0.5), place: random.uniform(0.1, 2.0) }),
-        up: Some(upright.rotation.inverse() * Vector3::y() * -random.uniform(0.5, 20.0)),
-        up_sigma: Some(random.uniform(0.05, 0.5)),
-        near: Some(place.inverse().translation),
-        near_sigma: Some(random.uniform(0.1, 2.0)),
-    }
+    let [initial, up, near] = terms(random, initial, upright, place);
+    let ((pose, sigma), (up, up_sigma), (near, near_sigma)) =
+        (initial.initial().unwrap(), up.up().unwrap(), near.place().unwrap());
+    let all = Prior::default().with_initial(pose, sigma).and_then(|prior| prior.with_up(up, Some(up_sigma)));
+    all.and_then(|prior| prior.with_near(near, Some(near_sigma))).unwrap()
+}
+
+/// The terms of such a prior, each alone.
+fn terms(random: &mut Random, initial: &Pose, upright: &Pose, place: &Pose) -> [Prior; 3] {
+    let sigma = PoseSigma { rotation: random.uniform(0.05, 0.5), place: random.uniform(0.1, 2.0) };
+    let up = upright.rotation.inverse() * Vector3::y() * -random.uniform(0.5, 20.0);
+    let up = Prior::default().with_up(up, Some(random.uniform(0.05, 0.5)));
+    let near = Prior::default().with_near(place.inverse().translation, Some(random.uniform(0.1, 2.0)));
+    [Prior::default().with_initial(*initial, Some(sigma)), up, near].map(Result::unwrap)
 }
 
 /// Minus the log density of a pose moved by an increment, without the bound on what a wrong prior counts.
@@ -155,13 +157,7 @@ fn a_priors_gaussian_has_the_curvature_of_its_density_where_they_agree() {
     for _ in 0..20 {
         let pose = random.pose(5.0);
         let all = everything(&mut random, &pose, &pose, &pose);
-        let only = [
-            all,
-            Prior { up: None, near: None, ..all },
-            Prior { initial: None, near: None, ..all },
-            Prior { initial: None, up: None, ..all },
-        ];
-        for prior in only {
+        for prior in [all].into_iter().chain(terms(&mut random, &pose, &pose, &pose)) {
             // The slope at the moved pose, by the further increment, back to the first (`docs/math.md`, eq. 1.5).
             let slope = |by: &Tangent| {
                 let vector = increment_derivative(by).transpose() * -prior.gaussian(&pose.moved(by)).information_vector;
@@ -181,21 +177,20 @@ fn one_step_by_a_priors_gaussian_leads_to_its_mean() {
     let mut random = Random::new(73);
     for _ in 0..20 {
         let (pose, mean) = (random.pose(5.0), random.pose(5.0));
-        let all = everything(&mut random, &mean, &mean, &mean);
-        let rough = Prior { up: None, near: None, ..all };
+        let [rough, upright, near] = terms(&mut random, &mean, &mean, &mean);
         let factor = rough.gaussian(&pose);
         let reached = pose.moved(&(factor.information.try_inverse().unwrap() * factor.information_vector));
         assert!(reached.angle_to(&mean) < 1e-9);
-        let place = Prior { initial: None, up: None, ..all }.gaussian(&pose);
+        let place = near.gaussian(&pose);
         let tau = place.information_vector.fixed_rows::<3>(3) / place.information[(3, 3)];
         let carried = Pose::new(pose.rotation, pose.translation + tau);
         assert!((carried.inverse().translation - mean.inverse().translation).norm() < 1e-9);
-        let up = Prior { initial: None, near: None, ..all }.gaussian(&pose);
-        let sigma = all.up_sigma.unwrap();
+        let up = upright.gaussian(&pose);
+        let (direction, sigma) = upright.up().unwrap();
         let turn = Rotation3::new(up.information_vector.fixed_rows::<3>(0) * (sigma * sigma));
-        assert!((turn * pose.rotation * all.up.unwrap().normalize() + Vector3::y()).norm() < 1e-9);
+        assert!((turn * pose.rotation * direction.normalize() + Vector3::y()).norm() < 1e-9);
         // It says nothing of a turn about up.
-        assert!((up.information.fixed_view::<3, 3>(0, 0) * (pose.rotation * all.up.unwrap())).norm() < 1e-9);
+        assert!((up.information.fixed_view::<3, 3>(0, 0) * (pose.rotation * direction)).norm() < 1e-9);
     }
     assert!(Prior::default().gaussian(&random.pose(5.0)).information == Matrix6::zeros());
 }
@@ -207,7 +202,7 @@ fn a_place_the_camera_is_near_leaves_one_pose_of_a_rectangle() {
     for _ in 0..10 {
         let scene = view(&mut random, rectangle(1.6, 1.0), 0.7);
         let near = scene.pose.inverse().translation + random.direction() * 0.3;
-        let prior = Prior { near: Some(near), near_sigma: Some(0.2), ..Prior::default() };
+        let prior = Prior::default().with_near(near, Some(0.2)).unwrap();
         let estimate = estimated(&scene, &prior);
         assert!(estimate.alternatives.is_empty() && estimate.warnings.is_empty(), "{:?}", estimate.warnings);
         let (angle, place) = scene.errors(&estimate.best.pose);
@@ -219,7 +214,7 @@ fn a_place_the_camera_is_near_leaves_one_pose_of_a_rectangle() {
 fn a_camera_elsewhere_than_the_place_it_should_be_near_is_warned_of_and_stands() {
     let scene = Scene::random(&mut Random::new(75), Layout { regions: 2, ..Layout::default() });
     let near = scene.pose.inverse().translation + Vector3::new(0.0, 12.0, 0.0);
-    let prior = Prior { near: Some(near), ..Prior::default() };
+    let prior = Prior::default().with_near(near, None).unwrap();
     let estimate = estimated(&scene, &prior);
     assert!(scene.errors(&estimate.best.pose).0 < 1e-9);
     assert_eq!(codes(&estimate), ["place-contradicted"]);
@@ -228,7 +223,7 @@ fn a_camera_elsewhere_than_the_place_it_should_be_near_is_warned_of_and_stands()
         message.starts_with("the camera stands 12000.0 mm from the place it is known to be near, 6.0 times"),
         "{message}"
     );
-    assert!(codes(&estimated(&scene, &Prior { near_sigma: Some(3.0), ..prior })).is_empty());
+    assert!(codes(&estimated(&scene, &prior.with_near(near, Some(3.0)).unwrap())).is_empty());
 }
 
 #[test]
@@ -237,16 +232,16 @@ fn a_pose_elsewhere_than_the_initial_one_is_warned_of_and_stands() {
     let scene = Scene::random(&mut random, Layout { regions: 2, ..Layout::default() });
     let true_center = scene.pose.inverse().translation;
     let away = Pose::new(scene.pose.rotation, -(scene.pose.rotation * (true_center + Vector3::new(3.0, 0.0, 0.0))));
-    let prior = Prior { initial: Some(away), initial_sigma: Some(ROUGH), ..Prior::default() };
+    let prior = Prior::default().with_initial(away, Some(ROUGH)).unwrap();
     let estimate = estimated(&scene, &prior);
     assert!(scene.errors(&estimate.best.pose).0 < 1e-9);
     assert_eq!(codes(&estimate), ["initial-contradicted"]);
     let message = estimate.warnings[0].to_string();
     assert!(message.starts_with("the pose lies 0.00 deg and 3000.0 mm from the initial one, 15.0 times"), "{message}");
     // Without an uncertainty a meter is as good as any, half a turn is not.
-    assert!(codes(&estimated(&scene, &Prior { initial_sigma: None, ..prior })).is_empty());
+    assert!(codes(&estimated(&scene, &prior.with_initial(away, None).unwrap())).is_empty());
     let turned = Pose::new(Rotation3::new(Vector3::y() * 1.5), Vector3::zeros()).after(&scene.pose);
-    let turned = estimated(&scene, &Prior { initial: Some(turned), ..Prior::default() });
+    let turned = estimated(&scene, &Prior::default().with_initial(turned, None).unwrap());
     assert_eq!(codes(&turned), ["initial-contradicted"]);
     assert!(turned.warnings[0].to_string().starts_with("the pose lies 85.94 deg"), "{}", turned.warnings[0]);
 }
@@ -255,7 +250,7 @@ fn a_pose_elsewhere_than_the_initial_one_is_warned_of_and_stands() {
 fn an_up_direction_or_a_side_that_no_pose_shows_is_warned_of() {
     let mut random = Random::new(65);
     let mut scene = Scene::random(&mut random, Layout { regions: 2, ..Layout::default() });
-    let down = Prior { up: up_of(&scene.pose).up.map(|up| -up), ..Prior::default() };
+    let down = Prior::default().with_up(-up_of(&scene.pose).up().unwrap().0, None).unwrap();
     let estimate = estimated(&scene, &down);
     assert_eq!(codes(&estimate), ["up-contradicted"]);
     assert!(estimate.warnings[0].to_string().contains("180.0 deg off the image's, 12.0 times"));
@@ -365,8 +360,7 @@ fn a_least_squares_that_did_not_converge_is_warned_of() {
         termination: Termination::EvaluationLimit,
         evaluations: 140,
     };
-    let judged =
-        |converged: bool| problem.search(&Options::default()).unwrap().assess(vec![ended(converged)]).unwrap().warnings;
+    let judged = |converged: bool| problem.search(&Options::default()).assess(vec![ended(converged)]).unwrap().warnings;
     assert!(judged(true).is_empty());
     assert_eq!(judged(false)[0].to_string(), "the search did not converge: the limit of evaluations was reached");
     assert_eq!(judged(false)[0].code(), "not-converged");
@@ -375,38 +369,24 @@ fn a_least_squares_that_did_not_converge_is_warned_of() {
 /// What no pose can be compared with is refused by its name, and is not left out without a word.
 #[test]
 fn a_prior_of_anything_but_numbers_is_refused() {
-    let scene = view(&mut Random::new(31), angle_piece(1.0), 0.4);
-    let problem = scene.problem(System::Plane, Integration::Boundary);
-    let item = |prior: Prior| {
-        let options = Options { prior, ..Options::default() };
-        let refused = problem.search(&options).unwrap_err();
-        assert_eq!(problem.estimate_with(&options).unwrap_err().to_string(), refused.to_string());
-        match refused {
-            Error::NotFinite { item, index, .. } => format!("{item} {index}"),
-            Error::OutOfRange { item, .. } => item.to_owned(),
-            other => panic!("{other:?}"),
-        }
+    let pose = Random::new(31).pose(5.0);
+    let item = |prior: Result<Prior, Error>| match prior.unwrap_err() {
+        Error::NotFinite { item, index, .. } => format!("{item} {index}"),
+        Error::InvalidPrior { item, .. } | Error::InvalidRotation { item, .. } => item.to_owned(),
+        other => panic!("{other:?}"),
     };
-    let known = Prior {
-        initial: Some(scene.pose),
-        initial_sigma: Some(ROUGH),
-        up: Some(scene.pose.rotation.inverse() * -Vector3::y()),
-        up_sigma: Some(0.1),
-        near: Some(scene.pose.inverse().translation),
-        near_sigma: Some(0.5),
-    };
-    assert!(known.check().is_ok() && problem.estimate_with(&Options { prior: known, ..Options::default() }).is_ok());
+    let none = Prior::default();
     let nan = Vector3::new(0.0, f64::NAN, 1.0);
-    assert_eq!(item(Prior { near: Some(nan), ..known }), "near entry 1");
-    assert_eq!(item(Prior { up: Some(nan), ..known }), "up entry 1");
-    assert_eq!(item(Prior { up: Some(Vector3::zeros()), ..known }), "up");
-    assert_eq!(item(Prior { initial: Some(Pose::new(scene.pose.rotation, nan)), ..known }), "pose entry 10");
-    let scaled = Rotation3::from_matrix_unchecked(scene.pose.rotation.matrix() * 1.1);
-    assert_eq!(item(Prior { initial: Some(Pose::new(scaled, Vector3::z())), ..known }), "rotation");
+    assert_eq!(item(none.with_near(nan, None)), "near entry 1");
+    assert_eq!(item(none.with_up(nan, None)), "up entry 1");
+    assert_eq!(item(none.with_up(Vector3::zeros(), None)), "up");
+    assert_eq!(item(none.with_initial(Pose::new(pose.rotation, nan), None)), "pose entry 10");
+    let scaled = Rotation3::from_matrix_unchecked(pose.rotation.matrix() * 1.1);
+    assert_eq!(item(none.with_initial(Pose::new(scaled, Vector3::z()), None)), "rotation");
     for sigma in [f64::NAN, f64::INFINITY, 0.0, -0.1] {
-        assert_eq!(item(Prior { up_sigma: Some(sigma), ..known }), "up_sigma");
-        assert_eq!(item(Prior { near_sigma: Some(sigma), ..known }), "near_sigma");
-        let rough = |rotation, place| Prior { initial_sigma: Some(PoseSigma { rotation, place }), ..known };
+        assert_eq!(item(none.with_up(Vector3::y(), Some(sigma))), "up_sigma");
+        assert_eq!(item(none.with_near(Vector3::zeros(), Some(sigma))), "near_sigma");
+        let rough = |rotation, place| none.with_initial(pose, Some(PoseSigma { rotation, place }));
         assert_eq!(item(rough(sigma, 0.1)), "initial_sigma.rotation");
         assert_eq!(item(rough(0.1, sigma)), "initial_sigma.place");
     }

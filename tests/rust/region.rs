@@ -282,7 +282,7 @@ fn an_outline_needs_a_plane_with_axes_of_its_own() {
     .unwrap_err()
     {
         Error::NotFinite { item, .. } => item,
-        Error::OutOfRange { item, .. } => item.to_owned(),
+        Error::InvalidGeometry { item, .. } | Error::InvalidRotation { item, .. } => item.to_owned(),
         other => panic!("{other:?}"),
     };
     for broken in [f64::NAN, f64::INFINITY] {

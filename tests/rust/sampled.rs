@@ -352,7 +352,7 @@ fn a_region_whose_samples_lie_elsewhere_is_named() {
 
 fn known(pose: Pose) -> Prior {
     let sigma = PoseSigma { rotation: 1e-3, place: 1e-3 };
-    Prior { initial: Some(pose), initial_sigma: Some(sigma), ..Prior::default() }
+    Prior::default().with_initial(pose, Some(sigma)).unwrap()
 }
 
 #[test]

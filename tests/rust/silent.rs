@@ -71,7 +71,7 @@ fn exact_outlines_stay_exact() {
     let many: Vec<Vector2<f64>> =
         (0..90).map(|k| Vector2::new(0.17 + 0.002 * f64::from(k), 0.2 + 0.011 * f64::from(k))).collect();
     let sigma = PoseSigma { rotation: 0.02, place: 0.05 };
-    let known = Prior { initial: Some(truth), initial_sigma: Some(sigma), ..Prior::default() };
+    let known = Prior::default().with_initial(truth, Some(sigma)).unwrap();
     for area in [1e4, 1e6] {
         let observed: Vec<_> = rings.iter().map(|ring| ObservedRegion::new(vec![seen(ring)], area)).collect();
         for (inside, outside) in [(&few, &vec![]), (&many, &vec![]), (&few, &outside), (&many, &outside)] {
@@ -175,7 +175,7 @@ fn the_outlines_answer_is_said_to_be_that() {
     };
     let worlds: Vec<_> = sampled(&mut random, &scene.worlds, 0.1, 1.0).iter().map(wrong).collect();
     let problem = Problem::new(&scene.observed, &worlds).unwrap();
-    let search = problem.search(&Options::default()).unwrap();
+    let search = problem.search(&Options::default());
     let minima: Vec<_> = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
     let heard = search.clone().assess(minima.clone()).unwrap();
     assert!(heard.best.posterior.is_some() && heard.warnings.iter().all(|warning| warning.code() != "samples-unused"));

@@ -51,21 +51,24 @@ impl Prior {
         let up_sigma = number(UP_SIGMA, up_sigma_deg, DEGREES)?;
         let near_sigma = number(NEAR_SIGMA, camera_near_sigma_m, METERS)?;
         let rough = |(rotation, place): (f64, f64)| PoseSigma { rotation: rotation.to_radians(), place };
-        let given = prior::Prior {
-            initial: initial.map(|(rotation, translation)| pose(&rotation, &translation)).transpose()?,
-            initial_sigma: rotation_sigma.zip(center_sigma).map(rough),
-            up: up.map(|up| vector("up", up)).transpose()?,
-            up_sigma: up_sigma.map(f64::to_radians),
-            near: camera_near.map(|place| vector("camera_near", place)).transpose()?,
-            near_sigma,
-        };
         let sigmas = [
             ("initial_sigma.rotation", ROTATION_SIGMA, rotation_sigma),
             ("initial_sigma.place", CENTER_SIGMA, center_sigma),
             ("up_sigma", UP_SIGMA, up_sigma),
             ("near_sigma", NEAR_SIGMA, near_sigma),
         ];
-        given.check().map_err(|error| as_given(error, &sigmas))?;
+        let mut given = prior::Prior::default();
+        let named = |error| as_given(error, &sigmas);
+        if let Some((rotation, translation)) = initial {
+            let sigma = rotation_sigma.zip(center_sigma).map(rough);
+            given = given.with_initial(pose(&rotation, &translation)?, sigma).map_err(named)?;
+        }
+        if let Some(up) = up {
+            given = given.with_up(vector("up", up)?, up_sigma.map(f64::to_radians)).map_err(named)?;
+        }
+        if let Some(place) = camera_near {
+            given = given.with_near(vector("camera_near", place)?, near_sigma).map_err(named)?;
+        }
         Ok(Self(given))
     }
 
@@ -122,7 +125,7 @@ fn check_both(rotation: Option<&Bound<'_, PyAny>>, center: Option<&Bound<'_, PyA
 
 /// What the crate refuses, by the names and in the units that were given.
 fn as_given(error: Error, sigmas: &[(&str, &str, Option<f64>)]) -> PyErr {
-    let Error::OutOfRange { item, .. } = &error else { return value_error(error) };
+    let Error::InvalidPrior { item, .. } = &error else { return value_error(error) };
     match sigmas.iter().find(|(field, ..)| field == item) {
         Some((_, name, Some(value))) => {
             PyValueError::new_err(format!("{name} holds {value}; it needs positive numbers"))

@@ -333,7 +333,7 @@ impl Problem {
         limits: Option<[f64; 2]>,
     ) -> PyResult<Search> {
         let options = parsed_options(start, prior, refine, frame_sigma, limits)?;
-        detached(py, || self.0.search(&options))?.map(Search).map_err(value_error)
+        detached(py, || self.0.search(&options)).map(Search)
     }
 
     /// The paper's own residuals (m,) at a pose, and their derivatives (m, 6) by a left increment; None where a region is out

@@ -99,9 +99,12 @@ impl Projection {
         }
         if faces.iter().all(Option::is_none) {
             let found = format!("one that sees nothing within its {} x {} pixels", size[0], size[1]);
-            return Err(
-                Error::OutOfRange { item: "camera", found, needed: "the camera that took the photo".into() }.into()
-            );
+            return Err(Error::InvalidOption {
+                item: "camera",
+                found,
+                needed: "the camera that took the photo".into(),
+            }
+            .into());
         }
         let mut joined = vec![NONE];
         let faces = faces.map(|face: Option<Vec<Cell>>| {

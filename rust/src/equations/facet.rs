@@ -103,7 +103,7 @@ pub fn facets(
 pub fn integration_mesh(outline: &PlaneRings, system: System, size: Option<f64>) -> Result<PlaneMesh> {
     if let Some(size) = size.filter(|size| !(size.is_finite() && *size > 0.0)) {
         let needed = "positive and finite, a share of the square root of the region's area".into();
-        return Err(Error::OutOfRange { item: "mesh_size", found: size.to_string(), needed });
+        return Err(Error::InvalidOption { item: "mesh_size", found: size.to_string(), needed });
     }
     let even = |share: f64| even_mesh(outline, share * outline.area().sqrt());
     match (system, size) {
@@ -120,7 +120,7 @@ pub fn integration_mesh(outline: &PlaneRings, system: System, size: Option<f64>)
 #[cfg(not(feature = "mesh"))]
 pub fn integration_mesh(_: &PlaneRings, _: System, _: Option<f64>) -> Result<PlaneMesh> {
     let needed = "another, or the crate's feature `mesh`".into();
-    Err(Error::OutOfRange { item: "integration", found: "over a mesh".into(), needed })
+    Err(Error::InvalidOption { item: "integration", found: "over a mesh".into(), needed })
 }
 
 fn planar_facet(world: &WorldRegion, origin: &Vector3<f64>, system: System, integration: Integration) -> Result<Facet> {

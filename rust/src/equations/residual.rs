@@ -318,7 +318,7 @@ fn observed_values(
             add_sphere_values(&pixel_moments(&turned, &pixels.solid_angles, order)?, chart.scale, &mut rows);
         }
         (System::Plane, Integration::Pixels) => {
-            return Err(Error::OutOfRange {
+            return Err(Error::InvalidOption {
                 item: "integration",
                 found: "pixels with the plane system".into(),
                 needed: "boundary or mesh; sums over pixels need the sphere system".into(),

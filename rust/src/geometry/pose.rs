@@ -24,7 +24,7 @@ pub(crate) fn check_rotation(item: &'static str, matrix: &Matrix3<f64>) -> Resul
     if matrix.iter().all(|entry| entry.is_finite()) && defect <= ORTHONORMAL_TOLERANCE && determinant > 0.0 {
         return Ok(());
     }
-    Err(Error::OutOfRange {
+    Err(Error::InvalidRotation {
         item,
         found: format!("a matrix with |R^T R - I| = {defect:.1e} and determinant {determinant:.3}"),
         needed: format!("orthonormal to {ORTHONORMAL_TOLERANCE:.0e} with determinant +1"),

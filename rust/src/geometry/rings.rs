@@ -216,7 +216,7 @@ fn check_size_range(largest: f64) -> Result<()> {
 }
 
 fn size_out_of_range(largest: f64) -> Error {
-    Error::OutOfRange {
+    Error::InvalidGeometry {
         item: "the largest coordinate of the rings",
         found: format!("{largest:e}"),
         needed: format!("from {SMALLEST_SIZE:.1e} to {LARGEST_COORDINATE:.1e}"),

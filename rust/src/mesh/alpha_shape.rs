@@ -26,7 +26,7 @@ pub fn alpha_shape(points: &[Vector2<f64>], radius: f64) -> Result<PlaneRings> {
 fn shape_of(points: &[Vector2<f64>], radius: f64) -> Result<PlaneRings> {
     if radius.is_nan() || radius <= 0.0 {
         let needed = "positive, or infinite for the convex hull".to_owned();
-        return Err(Error::OutOfRange { item: "radius", found: radius.to_string(), needed });
+        return Err(Error::InvalidOption { item: "radius", found: radius.to_string(), needed });
     }
     let (points, scale) = distinct_scaled(points)?;
     let cdt = delaunay::constrained(&points, &[])?;
@@ -59,7 +59,7 @@ fn distinct_scaled(points: &[Vector2<f64>]) -> Result<(Vec<Vector2<f64>>, f64)> 
         largest = largest.max(point.amax());
     }
     if largest > LARGEST_COORDINATE || (largest > 0.0 && largest < SMALLEST_SIZE) {
-        return Err(Error::OutOfRange {
+        return Err(Error::InvalidGeometry {
             item: "the largest coordinate of the points",
             found: format!("{largest:e}"),
             needed: format!("from {SMALLEST_SIZE:.1e} to {LARGEST_COORDINATE:.1e}"),

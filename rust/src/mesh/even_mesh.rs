@@ -81,7 +81,7 @@ fn check_edge_length(region: &PlaneRings, edge_length: f64) -> Result<()> {
     } else {
         return Ok(());
     };
-    Err(Error::OutOfRange { item: "edge_length", found: format!("{edge_length:e}"), needed })
+    Err(Error::InvalidOption { item: "edge_length", found: format!("{edge_length:e}"), needed })
 }
 
 /// Divides the edges into pieces of about `side`; returns for each point set on an edge the number of that edge.

@@ -47,12 +47,12 @@ impl MeshOptions {
         let smallest = area / MOST_TRIANGLES as f64;
         if let Some(max_area) = self.max_area.filter(|&max_area| !(max_area >= smallest && max_area > 0.0)) {
             let needed = format!("at least {smallest:.3e}, 1 / {MOST_TRIANGLES} of the region's area");
-            return Err(Error::OutOfRange { item: "max_area", found: max_area.to_string(), needed });
+            return Err(Error::InvalidOption { item: "max_area", found: max_area.to_string(), needed });
         }
         let angles = SMALLEST_MIN_ANGLE..=LARGEST_MIN_ANGLE;
         if let Some(min_angle) = self.min_angle.filter(|min_angle| !angles.contains(min_angle)) {
             let needed = format!("from {SMALLEST_MIN_ANGLE} to {LARGEST_MIN_ANGLE} degrees");
-            return Err(Error::OutOfRange { item: "min_angle", found: min_angle.to_string(), needed });
+            return Err(Error::InvalidOption { item: "min_angle", found: min_angle.to_string(), needed });
         }
         Ok(())
     }

@@ -153,7 +153,7 @@ pub fn mesh_sphere_moments(
 /// The three corners of triangle `number`.
 fn corners<P: Copy>(vertices: &[P], &[i, j, k]: &[usize; 3], number: usize) -> Result<[P; 3]> {
     let corner = |index: usize| {
-        vertices.get(index).copied().ok_or_else(|| Error::OutOfRange {
+        vertices.get(index).copied().ok_or_else(|| Error::InvalidGeometry {
             item: "a triangle's vertex index",
             found: format!("{index} (triangle {number})"),
             needed: format!("below the number of vertices, {}", vertices.len()),

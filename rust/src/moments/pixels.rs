@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 /// When `order` is above [`super::MAX_ORDER`].
 pub fn pixel_moments(bearings: &[Bearing], solid_angles: &[f64], order: usize) -> Result<SphereMoments> {
     if bearings.len() != solid_angles.len() {
-        return Err(Error::OutOfRange {
+        return Err(Error::InvalidObservation {
             item: "the number of solid angles",
             found: solid_angles.len().to_string(),
             needed: format!("the number of bearings, {}", bearings.len()),

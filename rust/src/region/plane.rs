@@ -30,7 +30,7 @@ impl PlaneFrame {
         let origin = points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64;
         let spread: Matrix3<f64> = points.iter().map(|p| (p - origin) * (p - origin).transpose()).sum();
         let largest = spread.diagonal().max();
-        let degenerate = || Error::OutOfRange {
+        let degenerate = || Error::InvalidGeometry {
             item: "the region's points",
             found: format!("{} points that are identical or on one line", points.len()),
             needed: "at least 3 points that span a plane".into(),

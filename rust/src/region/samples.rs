@@ -28,7 +28,7 @@ impl Samples {
     pub fn new(frame: &PlaneFrame, inside: &[Vector3<f64>], outside: &[Vector3<f64>]) -> Result<Self> {
         if inside.is_empty() {
             let needed = "at least 1".into();
-            return Err(Error::OutOfRange {
+            return Err(Error::InvalidGeometry {
                 item: "the number of samples inside the region",
                 found: "0".into(),
                 needed,
@@ -81,7 +81,7 @@ pub(super) fn check_line(inside: &[Vector3<f64>], outside: &[Vector3<f64>]) -> R
     let off = |(index, x): (usize, &Vector3<f64>)| (index, (x - middle).cross(&way).norm());
     for (item, points) in [("an inside sample", inside), ("an outside sample", outside)] {
         if let Some((index, distance)) = points.iter().enumerate().map(off).find(|(_, distance)| *distance > allowed) {
-            return Err(Error::OutOfRange {
+            return Err(Error::InvalidGeometry {
                 item,
                 found: format!("number {index} at {distance:.3e} off the line"),
                 needed: format!("at most {allowed:.3e}, a tenth of the samples' extent"),
@@ -95,7 +95,7 @@ fn check_near(frame: &PlaneFrame, item: &'static str, points: &[Vector3<f64>], a
     let heights = points.iter().map(|point| frame.height(point).abs());
     match heights.enumerate().find(|(_, height)| *height > allowed) {
         None => Ok(()),
-        Some((index, height)) => Err(Error::OutOfRange {
+        Some((index, height)) => Err(Error::InvalidGeometry {
             item,
             found: format!("number {index} at {height:.3e} off the region's plane"),
             needed: format!("at most {allowed:.3e}, a tenth of the samples' extent"),

@@ -20,10 +20,12 @@ pub struct Surface {
 pub(super) fn check_indices(vertices: &[Vector3<f64>], triangles: &[[usize; 3]]) -> Result<()> {
     let worst = triangles.iter().flatten().max();
     match worst {
-        None => {
-            Err(Error::OutOfRange { item: "the number of triangles", found: "0".into(), needed: "at least 1".into() })
-        }
-        Some(&index) if index >= vertices.len() => Err(Error::OutOfRange {
+        None => Err(Error::InvalidGeometry {
+            item: "the number of triangles",
+            found: "0".into(),
+            needed: "at least 1".into(),
+        }),
+        Some(&index) if index >= vertices.len() => Err(Error::InvalidGeometry {
             item: "a triangle's vertex index",
             found: index.to_string(),
             needed: format!("below the number of vertices, {}", vertices.len()),

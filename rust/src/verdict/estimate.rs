@@ -61,20 +61,15 @@ impl Problem {
     /// # Errors
     /// [`Error::NoPose`] where no pose shows every region in its chart.
     pub fn estimate(&self) -> Result<Estimate> {
-        self.estimated(&Options::default())
+        self.estimate_with(&Options::default())
     }
 
     /// The pose by the native solver, with options.
     ///
     /// # Errors
-    /// [`Error::NoPose`] where no pose shows every region in its chart, and a prior that [`Prior::check`](crate::Prior::check) refuses.
+    /// [`Error::NoPose`] where no pose shows every region in its chart.
     pub fn estimate_with(&self, options: &Options) -> Result<Estimate> {
-        options.prior.check()?;
-        self.estimated(options)
-    }
-
-    fn estimated(&self, options: &Options) -> Result<Estimate> {
-        let search = self.checked_search(options);
+        let search = self.search(options);
         let solved = || search.candidates().iter().map(|candidate| search.solve_from(candidate)).collect();
         let (minima, _) = effort::bounded(self.most_work(), solved);
         search.assess(minima)

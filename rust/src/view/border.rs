@@ -58,7 +58,7 @@ impl Border {
         }
         let share = share_of_others(outline, &on_border);
         if share < LEAST_SEEN {
-            return Err(Error::OutOfRange {
+            return Err(Error::InvalidObservation {
                 item: "the share of the observed outline inside the image",
                 found: format!("{:.1} %, the rest of it on the image's border", 100.0 * share),
                 needed: format!("at least {:.0} %", 100.0 * LEAST_SEEN),
@@ -142,7 +142,7 @@ pub fn foreign_edges(
     }
     let share = if any_hidden { share_of_others(outline, &foreign) } else { 1.0 };
     if share < LEAST_SEEN {
-        return Err(Error::OutOfRange {
+        return Err(Error::InvalidObservation {
             item: "the share of the observed outline that is the region's own",
             found: format!("{:.1} %, the rest of it hidden or on the image's border", 100.0 * share),
             needed: format!("at least {:.0} %", 100.0 * LEAST_SEEN),
@@ -187,7 +187,7 @@ fn projected(item: &'static str, index: usize, line: &[Bearing], chart: &Chart) 
     let first = points.iter().position(Option::is_some).unwrap_or(0);
     let last = points.iter().rposition(Option::is_some).unwrap_or(0);
     let inside = points[first..=last].iter().copied().collect::<Option<Vec<_>>>();
-    inside.filter(|line| line.len() > 1).ok_or_else(|| Error::OutOfRange {
+    inside.filter(|line| line.len() > 1).ok_or_else(|| Error::InvalidObservation {
         item: "a line of the image's border or of hidden edges beside the observed region",
         found: "a line that leaves the region's half space".into(),
         needed: "a line that is in view beside the region".into(),

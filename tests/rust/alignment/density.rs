@@ -16,25 +16,31 @@ const DEGREE: f64 = PI / 180.0;
 const ERRORS: f64 = 4.5;
 
 fn near(sigma: f64) -> Prior {
-    Prior { near: Some(Vector3::new(3.0, -2.0, 1.5)), near_sigma: Some(sigma), ..Prior::default() }
+    Prior::default().with_near(Vector3::new(3.0, -2.0, 1.5), Some(sigma)).unwrap()
+}
+
+fn with_up(prior: Prior, degrees: f64) -> Prior {
+    prior.with_up(Vector3::new(0.3, -0.4, 2.0), Some(degrees * DEGREE)).unwrap()
 }
 
 fn near_and_up(degrees: f64) -> Prior {
-    Prior { up: Some(Vector3::new(0.3, -0.4, 2.0)), up_sigma: Some(degrees * DEGREE), ..near(0.4) }
+    with_up(near(0.4), degrees)
 }
 
 /// An initial pose that is level and stands near, but for a deviation or so.
 fn initial(prior: Prior, rotation: f64, place: f64) -> Prior {
-    let level =
-        prior.up.map_or(Random::new(4).rotation(), |up| Rotation3::rotation_between(&up, &-Vector3::y()).unwrap());
+    let sigma = PoseSigma { rotation, place };
+    prior.with_initial(initial_pose(&prior, rotation), Some(sigma)).unwrap()
+}
+
+fn initial_pose(prior: &Prior, rotation: f64) -> Pose {
+    let level = prior
+        .up()
+        .map_or(Random::new(4).rotation(), |(up, _)| Rotation3::rotation_between(&up, &-Vector3::y()).unwrap());
     let turn =
         Rotation3::new(Vector3::new(0.7, 1.0, -0.6) * rotation) * Rotation3::from_axis_angle(&Vector3::y_axis(), 2.0);
     let (rotation_, center) = (turn * level, Vector3::new(3.1, -2.0, 1.4));
-    Prior {
-        initial: Some(Pose::new(rotation_, -(rotation_ * center))),
-        initial_sigma: Some(PoseSigma { rotation, place }),
-        ..prior
-    }
+    Pose::new(rotation_, -(rotation_ * center))
 }
 
 /// A pose of a camera that stands somewhere.
@@ -74,14 +80,14 @@ fn a_prior_of_up_and_place_integrates_to_one_over_all_headings() {
     for degrees in [3.0, 10.0] {
         let prior = near_and_up(degrees);
         let density = PoseDensity::of_prior(&prior).unwrap();
-        let level = Rotation3::rotation_between(&prior.up.unwrap(), &-Vector3::y()).unwrap();
+        let level = Rotation3::rotation_between(&prior.up().unwrap().0, &-Vector3::y()).unwrap();
         let sigma = degrees * DEGREE;
         let weight = |_| {
             let heading = Rotation3::from_axis_angle(&Vector3::y_axis(), random.uniform(0.0, TAU));
             let [x, z] = [0; 2].map(|_| 1.2 * sigma * random.normal());
             let way = random.normals() * 0.5;
             let rotation = Rotation3::new(Vector3::new(x, 0.0, z)) * heading * level;
-            let value = density.at(&standing(rotation, &(prior.near.unwrap() + way))).value;
+            let value = density.at(&standing(rotation, &(prior.place().unwrap().0 + way))).value;
             let angle = x.hypot(z);
             let drawn = bell(&[x, z], 1.2 * sigma) / TAU * bell(way.as_slice(), 0.5);
             value.exp() * (angle.sin() / angle) / drawn
@@ -98,7 +104,7 @@ fn a_prior_of_a_place_alone_integrates_to_one_over_all_rotations() {
     let density = PoseDensity::of_prior(&prior).unwrap();
     let weight = |_| {
         let way = random.normals() * 0.4;
-        let value = density.at(&standing(random.rotation(), &(prior.near.unwrap() + way))).value;
+        let value = density.at(&standing(random.rotation(), &(prior.place().unwrap().0 + way))).value;
         value.exp() * 8.0 * PI * PI / bell(way.as_slice(), 0.4)
     };
     let weights: Vec<f64> = (0..20_000).map(weight).collect();
@@ -109,8 +115,8 @@ fn a_prior_of_a_place_alone_integrates_to_one_over_all_rotations() {
 #[test]
 fn a_prior_about_a_pose_integrates_to_one() {
     let mut random = Random::new(13);
-    let alone = Prior { near: None, near_sigma: None, ..initial(near(1.0), 0.1, 0.3) };
-    let elsewhere = Prior { near: Some(Vector3::new(2.6, -2.0, 1.5)), near_sigma: Some(0.25), ..alone };
+    let alone = initial(Prior::default(), 0.1, 0.3);
+    let elsewhere = alone.with_near(Vector3::new(2.6, -2.0, 1.5), Some(0.25)).unwrap();
     let priors = [
         (alone, 0.0),
         (elsewhere, 0.0),
@@ -120,7 +126,7 @@ fn a_prior_about_a_pose_integrates_to_one() {
     ];
     for (prior, further) in priors {
         let density = PoseDensity::of_prior(&prior).unwrap();
-        let (initial, sigma) = (prior.initial.unwrap(), prior.initial_sigma.unwrap());
+        let (initial, sigma) = prior.initial().map(|(pose, sigma)| (pose, sigma.unwrap())).unwrap();
         let center = initial.inverse().translation;
         let weight = |_| {
             let turn = random.normals() * (1.05 * sigma.rotation);
@@ -136,12 +142,12 @@ fn a_prior_about_a_pose_integrates_to_one() {
 
 #[test]
 fn a_prior_that_does_not_say_where_the_camera_stands_has_no_density() {
-    let up = Prior { near: None, near_sigma: None, ..near_and_up(3.0) };
-    let start = Prior { initial_sigma: None, ..initial(up, 0.1, 0.1) };
+    let up = with_up(Prior::default(), 3.0);
+    let start = up.with_initial(initial_pose(&up, 0.1), None).unwrap();
     for prior in [Prior::default(), up, start] {
         assert!(PoseDensity::of_prior(&prior).is_none());
     }
-    assert!(PoseDensity::of_prior(&Prior { near: Some(Vector3::zeros()), ..start }).is_some());
+    assert!(PoseDensity::of_prior(&start.with_near(Vector3::zeros(), None).unwrap()).is_some());
 }
 
 /// A covariance of a camera that turns about a place before it: rotation and place go together.
@@ -199,7 +205,7 @@ fn what_is_no_covariance_has_no_density() {
 fn the_slope_is_the_derivative_by_a_left_increment() {
     let mut random = Random::new(15);
     let densities = [near(0.5), near_and_up(3.0), near_and_up(10.0), initial(near_and_up(10.0), 0.2, 0.3)]
-        .map(|prior| (PoseDensity::of_prior(&prior).unwrap(), initial(prior, 0.1, 0.1).initial.unwrap()));
+        .map(|prior| (PoseDensity::of_prior(&prior).unwrap(), initial(prior, 0.1, 0.1).initial().unwrap().0));
     let students = [(2e-3, 0.05), (0.3, 0.5)].map(|(rotation, place)| {
         let (density, pose, _) = student(rotation, place);
         (density, pose)
@@ -257,14 +263,14 @@ fn spread() -> f64 {
 fn draws_are_tilted_and_away_as_a_prior_says_and_headed_anywhere() {
     let prior = near_and_up(3.0);
     let drawn = draws(PoseDensity::of_prior(&prior).unwrap(), 21);
-    let (up, sigma) = (prior.up.unwrap().normalize(), 3.0 * DEGREE);
+    let (up, sigma) = (prior.up().unwrap().0.normalize(), 3.0 * DEGREE);
     let tilts: Vec<_> = drawn.iter().map(|pose| (pose.rotation * up).xz()).collect();
     let (mean, squares) = moments(&tilts);
     assert!(mean.amax() < ERRORS * sigma / (DRAWS as f64).sqrt(), "{mean}");
     // Sines of angles are shorter than these by the angle's square.
     let error = (squares / (sigma * sigma) - nalgebra::Matrix2::identity()).amax();
     assert!(error < spread() + 2.0 * sigma * sigma, "{error}");
-    let centers: Vec<_> = drawn.iter().map(|pose| pose.inverse().translation - prior.near.unwrap()).collect();
+    let centers: Vec<_> = drawn.iter().map(|pose| pose.inverse().translation - prior.place().unwrap().0).collect();
     let (mean, squares) = moments(&centers);
     assert!(mean.amax() < ERRORS * 0.4 / (DRAWS as f64).sqrt(), "{mean}");
     assert!((squares / 0.16 - nalgebra::Matrix3::identity()).amax() < spread());
@@ -304,7 +310,7 @@ fn draws_of_a_prior_that_says_nothing_of_rotations_have_all_alike() {
 fn draws_about_a_pose_are_those_of_all_that_is_known() {
     let prior = initial(near_and_up(3.0), 0.1, 0.3);
     let drawn = draws(PoseDensity::of_prior(&prior).unwrap(), 23);
-    let base = prior.initial.unwrap();
+    let base = prior.initial().unwrap().0;
     let factor = prior.gaussian(&base);
     let covariance = factor.information.try_inverse().unwrap();
     let (mean, squares) = moments(&drawn.iter().map(|pose| base.increment_to(pose)).collect::<Vec<_>>());

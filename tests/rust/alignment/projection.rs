@@ -201,6 +201,6 @@ fn a_camera_that_sees_nothing_is_refused() {
         assert!(error.to_string().contains("sees nothing within its 640 x 480 pixels"), "{error}");
     }
     let failed =
-        |_: &[Vector3<f64>]| Err(Error::OutOfRange { item: "it", found: "fails".into(), needed: "not to".into() });
+        |_: &[Vector3<f64>]| Err(Error::InvalidOption { item: "it", found: "fails".into(), needed: "not to".into() });
     assert!(Projection::new([640.0, 480.0], failed).unwrap_err().to_string().contains("it"));
 }

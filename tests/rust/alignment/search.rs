@@ -170,14 +170,8 @@ static FRAMES: LazyLock<[Frame; 2]> = LazyLock::new(|| [101, 102].map(frame));
 
 /// The camera is near the scanner and about upright.
 fn known() -> PoseDensity {
-    let prior = Prior {
-        near: Some(Vector3::zeros()),
-        near_sigma: Some(0.3),
-        up: Some(Vector3::z()),
-        up_sigma: Some(3.0 * PI / 180.0),
-        ..Prior::default()
-    };
-    PoseDensity::of_prior(&prior).unwrap()
+    let near = Prior::default().with_near(Vector3::zeros(), Some(0.3)).unwrap();
+    PoseDensity::of_prior(&near.with_up(Vector3::z(), Some(3.0 * PI / 180.0)).unwrap()).unwrap()
 }
 
 /// A tenth of the default's work.
@@ -325,8 +319,8 @@ fn a_search_for_which_nobody_waits_ends_soon() {
 fn few_edges_or_none_leave_what_was_known() {
     let frame = &FRAMES[0];
     let edges = CloudEdges::new(&scan(&blocks(101)), None, &Vector3::zeros(), &LOOK);
-    let nowhere = Prior { near: Some(Vector3::new(0.0, 0.0, 4000.0)), near_sigma: Some(1.0), ..Prior::default() };
-    let somewhere = Prior { near: Some(Vector3::zeros()), near_sigma: Some(0.3), ..Prior::default() };
+    let nowhere = Prior::default().with_near(Vector3::new(0.0, 0.0, 4000.0), Some(1.0)).unwrap();
+    let somewhere = Prior::default().with_near(Vector3::zeros(), Some(0.3)).unwrap();
     let anywhere = [nowhere, somewhere].map(|prior| PoseDensity::of_prior(&prior).unwrap());
     let student = PoseDensity::student(truth(), &(Matrix6::identity() * 1e-4)).unwrap();
     let options = SearchOptions { draws: 100, kept: [10, 8, 6], threads: Some(1) };
