@@ -22,7 +22,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use random::Random;
-use regionpose::internals::effort::counted;
+use regionpose::internals::budget::measured;
 
 /// What is wrong with a result, if anything; `Ok(true)` where the input was taken, `Ok(false)` where it was refused.
 pub type Outcome = Result<bool, String>;
@@ -139,7 +139,7 @@ fn tally(&(_, run): &Target, given: &Given, seconds: f64) -> Tally {
         LOOK_WORK.store(0, Ordering::Relaxed);
         let before = processor_time();
         set_began(Some(before));
-        let (outcome, work) = counted(|| catch_unwind(AssertUnwindSafe(|| run(&mut Random::new(seed)))));
+        let (outcome, work) = measured(|| catch_unwind(AssertUnwindSafe(|| run(&mut Random::new(seed)))));
         let look = LOOK_WORK.load(Ordering::Relaxed);
         let looks = (look > 0).then(|| work as f64 / look as f64);
         let cost = Cost { seconds: processor_time() - before, work: work as f64, looks };

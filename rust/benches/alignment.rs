@@ -13,7 +13,7 @@ use regionpose::internals::alignment::cloud_edges::{CloudEdges, EdgeOptions};
 use regionpose::internals::alignment::frame::{FINEST, Frame, PhotoView, SPREADS, SPREADS_PX};
 use regionpose::internals::alignment::pictures::{DIRECTIONS, LogRatios};
 use regionpose::internals::alignment::projection::Projection;
-use regionpose::internals::effort;
+use regionpose::internals::budget;
 
 /// Poses that take turns, so that the processor learns none of them.
 const POSES: usize = 16;
@@ -103,7 +103,7 @@ fn sums(criterion: &mut Criterion) {
                     black_box(frame.log_ratio(pose, spread));
                 }
             };
-            let (_, looked_at) = effort::counted(at_all);
+            let (_, looked_at) = budget::measured(at_all);
             let shown: usize = poses.iter().map(|pose| frame.log_ratio(pose, spread).1).sum();
             println!("{camera}: {} edges a pose, {} shown", looked_at / POSES as u64, shown / POSES);
             criterion.bench_function(&name("log_ratio"), |b| by_edge(b, looked_at, at_all));
@@ -118,7 +118,7 @@ fn sums(criterion: &mut Criterion) {
             let moved: Vec<_> = (0..POSES)
                 .map(|number| {
                     let [a, b, c] = even(number).map(|part| 0.02 * (part - 0.5));
-                    poses[0].moved(&Vector6::new(a, b, c, b, c, a))
+                    poses[0].retract(&Vector6::new(a, b, c, b, c, a))
                 })
                 .collect();
             criterion.bench_function(&name("seen log_ratio"), |b| {

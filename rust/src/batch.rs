@@ -6,7 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 
-use crate::effort::Carried;
+use crate::budget::TaskBudget;
 use crate::error::{Error, Result};
 
 /// `solve` of every problem, in order, on `threads` threads (all cores when `None`); the same whatever their number. A problem that
@@ -50,7 +50,7 @@ pub fn in_parallel<P: Sync, A: Send>(
     // Nothing is shared that a panic could leave half done.
     let guarded =
         |problem| catch_unwind(AssertUnwindSafe(|| solve(problem))).unwrap_or_else(|held| Err(panicked(&*held)));
-    let carried = Carried::new();
+    let carried = TaskBudget::new();
     let solved: Vec<_> = pool.install(|| problems.par_iter().map(|problem| carried.run(|| guarded(problem))).collect());
     carried.end(solved.iter().map(|(_, counted)| counted).sum());
     Ok(solved.into_iter().map(|(answer, _)| answer).collect())

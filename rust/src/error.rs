@@ -209,9 +209,9 @@ pub enum Error {
         /// What the panic said.
         reason: String,
     },
-    /// Nobody waits for the result any more.
+    /// The caller canceled the work.
     #[error("the work was stopped; it needs somebody who waits for it")]
-    Stopped,
+    Canceled,
     /// An option outside its range.
     #[error("{item} is {found}; it needs to be {needed}")]
     InvalidOption {

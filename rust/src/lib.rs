@@ -41,8 +41,8 @@
 mod alignment;
 #[cfg(feature = "batch")]
 mod batch;
+mod budget;
 mod contour;
-mod effort;
 mod equations;
 mod error;
 mod geometry;
@@ -99,8 +99,8 @@ pub mod internals {
     pub mod contour {
         pub use crate::contour::*;
     }
-    pub mod effort {
-        pub use crate::effort::*;
+    pub mod budget {
+        pub use crate::budget::*;
     }
     pub mod equations {
         pub use crate::equations::*;

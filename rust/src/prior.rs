@@ -202,7 +202,7 @@ impl Prior {
     pub fn gaussian(&self, pose: &Pose) -> Gaussian {
         let mut factor = Gaussian::default();
         if let Some((initial, sigma)) = self.rough() {
-            let turn = pose.increment_to(&initial).fixed_rows::<3>(0).into_owned();
+            let turn = pose.local_coordinates(&initial).fixed_rows::<3>(0).into_owned();
             add_block(&mut factor, 0, &Matrix3::identity(), &turn, sigma.rotation);
             add_place(&mut factor, pose, &initial.inverse().translation, sigma.place);
         }
@@ -219,7 +219,7 @@ impl Prior {
     /// How far a pose is from the initial one; `None` without one.
     pub fn initial_deviation(&self, pose: &Pose, covariance: &Matrix6<f64>) -> Option<InitialDeviation> {
         // Its translation is as long as the camera's way.
-        let increment = pose.increment_to(self.initial.as_ref()?);
+        let increment = pose.local_coordinates(self.initial.as_ref()?);
         let (turn, shift) = (increment.fixed_rows::<3>(0).norm(), increment.fixed_rows::<3>(3).norm());
         let sigmas = self.initial_sigma.map(|sigma| {
             let [r, t] = [sigma.rotation, sigma.place].map(|deviation| deviation * deviation);

@@ -172,7 +172,7 @@ impl Problem {
         crease.segment(&self.centered(pose)).map(|place| place + self.origin)
     }
 
-    /// What one look at all of the problem counts as (`effort`): its moments, the pieces of its contours, its samples.
+    /// What one look at all of the problem counts as (`budget`): its moments, the pieces of its contours, its samples.
     #[doc(hidden)]
     pub fn work(&self) -> u64 {
         let regions =
@@ -203,7 +203,7 @@ impl Problem {
 
     /// Residuals at a pose moved by a left increment, and their derivatives by that increment.
     pub fn evaluate_moved(&self, pose: &Pose, increment: &Tangent, weighting: Weighting) -> Option<Evaluation> {
-        let evaluation = self.evaluate(&pose.moved(increment), weighting)?;
+        let evaluation = self.evaluate(&pose.retract(increment), weighting)?;
         Some(Evaluation { jacobian: evaluation.jacobian * increment_derivative(increment), ..evaluation })
     }
 

@@ -25,9 +25,9 @@ use closed_form::closed_form;
 use moments::{FINAL, SingleRegionCache, Starts, moment_poses, paper_poses};
 use screen::CandidateScreen;
 
+use crate::budget;
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
-use crate::effort;
 use crate::equations::least_squares::{Minimum, minimize};
 use crate::equations::system::Weighting;
 use crate::equations::whitening::Orders;
@@ -85,7 +85,7 @@ impl Problem {
         let is_sampled = self.regions().len() > 1 && self.has_samples_on_all_edges();
         let refinement = if is_sampled { Refinement::Off } else { options.refinement };
         let options = Options { refinement, ..*options };
-        let (search, exhausted) = effort::bounded(first.most_work(), || first.searched(&options));
+        let (search, exhausted) = budget::limited(first.most_work(), || first.searched(&options));
         Search { exhausted, problem: search.problem.integrated_as(self), ..search }
     }
 

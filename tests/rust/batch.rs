@@ -2,7 +2,7 @@
 
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Scene};
-use regionpose::internals::effort;
+use regionpose::internals::budget;
 use regionpose::{Estimate, Integration, Problem, Result, System, in_parallel};
 
 fn scenes() -> Vec<Scene> {
@@ -93,20 +93,20 @@ fn zero_threads_are_refused() {
 fn problems_within_problems_have_bounds_of_their_own() {
     let outer: Vec<u32> = (0..8).collect();
     let solve = |_: &u32| {
-        let (spent_before, exhausted) = effort::bounded(1_000, || {
-            effort::spend(400);
+        let (spent_before, exhausted) = budget::limited(1_000, || {
+            budget::charge(400);
             let inner = in_parallel(&outer, Some(2), |_| {
-                let before = effort::is_spent();
-                effort::spend(10);
+                let before = budget::is_exhausted();
+                budget::charge(10);
                 std::thread::yield_now();
-                Ok(before || effort::is_spent())
+                Ok(before || budget::is_exhausted())
             });
             let inner: Vec<bool> = inner.unwrap().into_iter().collect::<Result<_>>().unwrap();
-            (inner.into_iter().any(|spent| spent), effort::is_spent())
+            (inner.into_iter().any(|spent| spent), budget::is_exhausted())
         });
         Ok((spent_before, exhausted))
     };
-    let (solved, counted) = effort::counted(|| in_parallel(&outer, Some(2), solve).unwrap());
+    let (solved, counted) = budget::measured(|| in_parallel(&outer, Some(2), solve).unwrap());
     for each in solved {
         assert_eq!(each.unwrap(), ((false, false), false), "480 of 1,000 are spent");
     }

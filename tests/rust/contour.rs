@@ -78,7 +78,7 @@ fn a_piece_across_the_boundary_counts_as_farther_than_its_mean() {
 fn few_pieces_read_as_they_do_among_all() {
     let scene = Scene::random(&mut Random::new(5), layout(2));
     let problem = problem(&scene, &scene.observed);
-    let pose = problem.centered(&scene.pose.moved(&Random::new(6).tangent(0.02, 0.05)));
+    let pose = problem.centered(&scene.pose.retract(&Random::new(6).tangent(0.02, 0.05)));
     for contour in problem.contours() {
         let (mut all, mut few) = (Vec::new(), Vec::new());
         contour.read(&pose, 1, &mut all).unwrap();
@@ -92,7 +92,7 @@ fn few_pieces_read_as_they_do_among_all() {
 fn normal_equations_are_sums_over_the_rows() {
     let scene = Scene::random(&mut Random::new(7), layout(2));
     let problem = problem(&scene, &scene.observed);
-    let pose = scene.pose.moved(&Random::new(8).tangent(0.02, 0.05));
+    let pose = scene.pose.retract(&Random::new(8).tangent(0.02, 0.05));
     let weight = |reading: &Reading| 1.0 / (1.0 + reading.robust_distance);
     let mut equations = NormalEquations::default();
     for contour in problem.contours() {
@@ -114,7 +114,7 @@ fn pieces_that_are_followed_along_the_boundary_find_their_nearest_edges() {
     for seed in 0..20 {
         let scene = Scene::random(&mut Random::new(seed), layout(3));
         let problem = problem(&scene, &scene.observed);
-        let pose = problem.centered(&scene.pose.moved(&Random::new(seed).tangent(3e-4, 1e-3)));
+        let pose = problem.centered(&scene.pose.retract(&Random::new(seed).tangent(3e-4, 1e-3)));
         for contour in problem.contours() {
             let (mut known, mut followed) = (Vec::new(), Vec::new());
             contour.read(&pose, 1, &mut known).unwrap();
@@ -238,7 +238,7 @@ fn a_refined_pose_is_likelier_than_its_start() {
         let moments = estimated(&scene, &observed, Refinement::Off).best.pose;
         let contours = estimated(&scene, &observed, Refinement::Contour).best.pose;
         assert!(likelihood(&contours) > likelihood(&moments) && sum(&contours) < sum(&moments), "seed {seed}");
-        let start = problem.centered(&scene.pose.moved(&Random::new(seed).tangent(0.02, 0.05)));
+        let start = problem.centered(&scene.pose.retract(&Random::new(seed).tangent(0.02, 0.05)));
         let at_start = ContourFit::at(problem.contours(), &start, 1).unwrap();
         let led = refined(problem.contours(), &start, 1).unwrap();
         assert!(led.mixture.likelihood > at_start.mixture.likelihood, "seed {seed}");
@@ -258,8 +258,8 @@ proptest! {
         let mut random = Random::new(seed);
         let scene = Scene::random(&mut random, layout(1));
         let problem = problem(&scene, &scene.observed);
-        let pose = scene.pose.moved(&random.tangent(0.01, 0.02));
-        let values = |x: &Tangent| DVector::from_vec(distances(&problem, &pose.moved(x)));
+        let pose = scene.pose.retract(&random.tangent(0.01, 0.02));
+        let values = |x: &Tangent| DVector::from_vec(distances(&problem, &pose.retract(x)));
         let rows = rows(&problem, &pose);
         // Where a piece's nearest edge changes within the step, differences of two lengths disagree.
         let wide = differences(&values, &Tangent::zeros(), 1.0);

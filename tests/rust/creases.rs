@@ -67,13 +67,13 @@ fn derivatives_are_exact_and_a_crease_holds_two_directions() {
         let scene = scene(&mut random);
         let problem = problem(&scene.observed, &scene.worlds);
         let crease = problem.creases()[0];
-        let pose = problem.centered(&scene.pose).moved(&random.tangent(0.3, 0.5));
+        let pose = problem.centered(&scene.pose).retract(&random.tangent(0.3, 0.5));
         let rows = crease.rows(&pose).unwrap();
         let jacobian = OMatrix::<f64, Dyn, U6>::from_rows(&rows.map(|(_, row)| row.transpose()));
-        assert_jacobian(&jacobian, |by| residuals(&crease, &pose.moved(by)), &Default::default(), 1.0, 1e-7);
+        assert_jacobian(&jacobian, |by| residuals(&crease, &pose.retract(by)), &Default::default(), 1.0, 1e-7);
         let factor = crease.gaussian(&pose);
         let slope = OMatrix::<f64, Dyn, U6>::from_rows(&[factor.information_vector.transpose()]);
-        let energy = |by: &_| DVector::from_element(1, crease.gaussian(&pose.moved(by)).offset);
+        let energy = |by: &_| DVector::from_element(1, crease.gaussian(&pose.retract(by)).offset);
         assert_jacobian(&slope, energy, &Default::default(), 1.0, 1e-7);
         assert_eq!(factor.information.rank(1e-9 * factor.information.amax()), 2);
     }

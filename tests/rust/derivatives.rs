@@ -40,7 +40,7 @@ fn camera_region(random: &mut Random, front: bool) -> (Vec<Vec<Vector3<f64>>>, V
 }
 
 fn moved(rings: &[Vec<Vector3<f64>>], x: &Tangent) -> Vec<Vec<Vector3<f64>>> {
-    let motion = Pose::identity().moved(x);
+    let motion = Pose::identity().retract(x);
     rings.iter().map(|ring| ring.iter().map(|p| motion.transform(p)).collect()).collect()
 }
 
@@ -123,7 +123,7 @@ fn curved(random: &mut Random, camera: &Pose, front: bool) -> Scene {
 
 /// Worst error of `Problem::evaluate_moved`, at the pose itself and after an increment.
 fn problem_error(problem: &Problem, random: &mut Random, pose: &Pose, weighting: Weighting) -> f64 {
-    let start = pose.moved(&random.tangent(0.05, 0.1));
+    let start = pose.retract(&random.tangent(0.05, 0.1));
     let values = |x: &Tangent| problem.evaluate_moved(&start, x, weighting).unwrap().residual;
     let increments = [Tangent::zeros(), random.tangent(0.1, 0.2), random.tangent(1e-5, 0.1)];
     let error = |x: &Tangent| {
@@ -211,7 +211,7 @@ fn cost_and_normal_equations_are_those_of_residual_and_jacobian() {
     for trial in 0..4 {
         let camera = random.pose(5.0);
         let scene = one_sided(&mut random, &camera, trial % 2 == 0);
-        let pose = camera.moved(&random.tangent(0.05, 0.1));
+        let pose = camera.retract(&random.tangent(0.05, 0.1));
         let middle = scene.worlds[0].frame().origin;
         let centered = Pose::new(pose.rotation, pose.transform(&middle));
         for (system, weighting) in [System::Plane, System::Sphere].into_iter().flat_map(|s| WEIGHTINGS.map(|w| (s, w)))
@@ -245,7 +245,7 @@ fn both_forms_agree_on_planar_regions_and_surfaces() {
         let camera = random.pose(5.0);
         for build in [one_sided, curved] {
             let scene = build(&mut random, &camera, trial % 2 == 0);
-            let pose = camera.moved(&random.tangent(0.05, 0.1));
+            let pose = camera.retract(&random.tangent(0.05, 0.1));
             for (worst, system) in worst.iter_mut().zip([System::Plane, System::Sphere]) {
                 *worst = worst.max(form_difference(&scene, system, &pose));
             }
@@ -280,7 +280,7 @@ fn a_surface_that_is_cut_from_a_plane_gives_the_plane_equations() {
     vertices.push(plane.translation);
     let triangles: Vec<_> = (0..7).map(|k| [k, (k + 1) % 7, 7]).collect();
     let observed = [rendered(&rings, &camera)];
-    let pose = camera.moved(&random.tangent(0.03, 0.1));
+    let pose = camera.retract(&random.tangent(0.03, 0.1));
     let flat = WorldRegion::from_rings(&rings).unwrap();
     let mesh = WorldRegion::from_mesh(&vertices, &triangles).unwrap();
     let [flat, mesh] = [flat, mesh].map(|world| {

@@ -207,7 +207,7 @@ fn slopes_are_those_of_the_sums() {
                 let at = |sign: f64| {
                     let mut increment = Vector6::zeros();
                     increment[way] = sign * step;
-                    seen.log_ratio(&pose.moved(&increment), 0.0).0
+                    seen.log_ratio(&pose.retract(&increment), 0.0).0
                 };
                 let wanted = (at(1.0) - at(-1.0)) / (2.0 * step);
                 let bound = 4.0 * (count as f64).sqrt() * moves * (CURVATURE * (1.0 + 0.5) + 0.05 * SLOPE);

@@ -171,7 +171,7 @@ fn a_rough_pose_chooses_among_symmetric_ones() {
     ] {
         let (scene, poses) = symmetric_view(&mut random, ring, turns, 0.7);
         for expected in poses {
-            let initial = expected.moved(&random.tangent(0.2, 0.3));
+            let initial = expected.retract(&random.tangent(0.2, 0.3));
             let prior = Prior::default().with_initial(initial, None).unwrap();
             let problem = scene.problem(System::Plane, Integration::Boundary);
             let estimate = problem.estimate_with(&Options { start, prior, ..Options::default() }).unwrap();
@@ -337,7 +337,7 @@ fn a_start_out_of_view_ends_unconverged() {
 fn a_single_evaluation_is_told_from_convergence() {
     let scene = Scene::random(&mut Random::new(55), Layout::default());
     let problem = scene.problem(System::Plane, Integration::Boundary);
-    let start = scene.pose.moved(&Random::new(1).tangent(0.2, 0.2));
+    let start = scene.pose.retract(&Random::new(1).tangent(0.2, 0.2));
     let minimum = minimize(
         problem.regions(),
         &start,
@@ -355,7 +355,7 @@ proptest! {
         let mut random = Random::new(seed);
         let scene = Scene::random(&mut random, Layout { regions: 2, ..Layout::default() });
         let problem = scene.problem(System::Plane, Integration::Boundary);
-        let start = scene.pose.moved(&random.tangent(angle, 2.0));
+        let start = scene.pose.retract(&random.tangent(angle, 2.0));
         for weighting in [Weighting::Uniform, Weighting::Whitened] {
             let criteria = TerminationCriteria { tolerance: 1e-10, evaluations: 140 };
             let minimum = minimize(problem.regions(), &start, weighting, criteria);

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Scene, rectangle, regular, star};
 use nalgebra::{Rotation3, Vector2, Vector3};
-use regionpose::internals::effort;
+use regionpose::internals::budget;
 use regionpose::internals::equations::system::Weighting;
 use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::internals::options::Options;
@@ -166,7 +166,7 @@ fn hopeless(vertices: usize) -> Problem {
 #[test]
 fn a_search_that_spends_its_work_answers_with_what_it_found_and_says_so() {
     let problem = hopeless(40);
-    let estimates = [(); 2].map(|()| effort::bounded(2_000_000, || problem.estimate()));
+    let estimates = [(); 2].map(|()| budget::limited(2_000_000, || problem.estimate()));
     for (estimate, spent) in &estimates {
         let estimate = estimate.as_ref().expect("a pose found before the end");
         assert!(*spent && estimate.best.pose.translation.iter().all(|x| x.is_finite()));
@@ -182,11 +182,11 @@ fn a_search_that_spends_its_work_answers_with_what_it_found_and_says_so() {
 fn a_search_that_nobody_waits_for_ends() {
     let problem = hopeless(200);
     let gone = Arc::new(AtomicBool::new(false));
-    let stop: effort::Stop = {
+    let stop: budget::Cancel = {
         let gone = gone.clone();
         Arc::new(move || gone.swap(true, Ordering::Relaxed))
     };
-    assert!(effort::interruptible(stop, || problem.search(&Options::default())).is_none());
+    assert!(budget::cancellable(stop, || problem.search(&Options::default())).is_none());
     assert!(gone.load(Ordering::Relaxed));
 }
 
@@ -214,12 +214,12 @@ fn behind_edges(line: Vec<Vector3<f64>>, observed: &mut ObservedRegion) {
 #[test]
 fn a_look_at_an_outline_beside_many_edges_takes_as_much_as_there_are() {
     let looks = [400, 800].map(|vertices| {
-        let (problem, made) = effort::counted(|| beset(vertices, along_border));
+        let (problem, made) = budget::measured(|| beset(vertices, along_border));
         let look = || (0..20).filter_map(|k| problem.evaluate(&turned(k), Weighting::Uniform)).count();
-        let (seen, work) = effort::counted(look);
+        let (seen, work) = budget::measured(look);
         assert_eq!(seen, 20);
         assert!(work < 20 * 2 * problem.work(), "{vertices}: {work} of {}", problem.work());
-        (made + effort::counted(|| beset(vertices, behind_edges)).1, work)
+        (made + budget::measured(|| beset(vertices, behind_edges)).1, work)
     });
     let [(made, look), (more_made, more_look)] = looks;
     assert!(more_made < 3 * made, "{made}, {more_made}");
@@ -236,7 +236,7 @@ fn turned(number: usize) -> Pose {
 fn a_search_beside_several_hundred_edges_is_bounded() {
     for (by, name) in [(along_border as fn(_, &mut _), "border"), (behind_edges, "hidden")] {
         let problem = beset(400, by);
-        let (search, work) = effort::counted(|| problem.search(&Options::default()));
+        let (search, work) = budget::measured(|| problem.search(&Options::default()));
         let most = MOST_LOOKS * problem.work();
         assert!(work < most + most / 10, "{name}: {work}, bound {most}");
         let minima = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
@@ -252,7 +252,7 @@ fn a_quadrature_on_the_sphere_is_counted_by_its_points() {
     let scene = scene(1);
     let work = |system: System, integration: Integration| {
         let problem = scene.problem(system, integration);
-        effort::counted(|| problem.evaluate(&scene.pose, Weighting::Uniform)).1
+        budget::measured(|| problem.evaluate(&scene.pose, Weighting::Uniform)).1
     };
     let mesh = Integration::Mesh { size: Some(0.1) };
     assert!(work(System::Sphere, mesh) > 9 * work(System::Plane, mesh));
@@ -260,7 +260,7 @@ fn a_quadrature_on_the_sphere_is_counted_by_its_points() {
 }
 
 /// A stop that is heard at the first question.
-fn at_once() -> effort::Stop {
+fn at_once() -> budget::Cancel {
     Arc::new(|| true)
 }
 
@@ -269,8 +269,8 @@ fn a_mesh_that_nobody_waits_for_is_not_made() {
     let region = PlaneRings::new(vec![star(&mut Random::new(66), 40, 1.0)]).unwrap();
     let mut made = None;
     let meshes = || (0..2).for_each(|_| made = Some(even_mesh(&region, 0.01)));
-    assert!(effort::interruptible(at_once(), meshes).is_none());
-    assert_eq!(made, Some(Err(Error::Stopped)));
+    assert!(budget::cancellable(at_once(), meshes).is_none());
+    assert_eq!(made, Some(Err(Error::Canceled)));
 }
 
 /// Ordinary problems, also those of shapes that fit in many turns, stay well below the bound.
@@ -280,7 +280,7 @@ fn ordinary_searches_spend_a_part_of_what_they_may() {
     let discs = (1..3).map(|count| Scene::of_shapes(&mut Random::new(65), shapes(count), Layout::default()));
     for (place, scene) in (1..4).map(scene).chain(discs).enumerate() {
         let problem = scene.problem(System::Plane, Integration::Boundary);
-        let (estimate, work) = effort::counted(|| problem.estimate());
+        let (estimate, work) = budget::measured(|| problem.estimate());
         assert!(estimate.is_ok() && work < MOST_LOOKS / 2 * problem.work(), "{place}: {work} of {}", problem.work());
     }
 }
@@ -292,7 +292,7 @@ fn a_mesh_is_searched_along_its_boundary() {
     for system in [System::Plane, System::Sphere] {
         let [boundary, mesh] = [Integration::Boundary, Integration::Mesh { size: Some(0.02) }].map(|integration| {
             let problem = scene.problem(system, integration);
-            let (search, work) = effort::counted(|| problem.search(&Options::default()));
+            let (search, work) = budget::measured(|| problem.search(&Options::default()));
             let minima: Vec<_> = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
             assert!(!minima.is_empty() && minima.iter().all(|minimum| minimum.converged && minimum.evaluations < 10));
             (search.problem().work(), work)

@@ -53,7 +53,7 @@ fn focal_lengths_move_a_pose_as_stated() {
                 estimated(&observed, &scene.worlds, FrameSigma::ZERO).best
             };
             let (step, given) = (1e-3_f64, zoomed(1.0));
-            let moved = zoomed(step.exp()).pose.increment_to(&zoomed((-step).exp()).pose) / (2.0 * step);
+            let moved = zoomed(step.exp()).pose.local_coordinates(&zoomed((-step).exp()).pose) / (2.0 * step);
             (moved - given.focal_shift).norm() / moved.norm()
         })
         .collect();
@@ -75,7 +75,7 @@ fn a_center_beside_its_place_turns_a_pose_by_its_angle() {
             estimated(&seen(&scene, |_, x| beside(x)), &scene.worlds, FrameSigma::ZERO)
         };
         let [before, after] = [-0.5, 0.5].map(|share| seen_from(along * share));
-        before.best.pose.increment_to(&after.best.pose).fixed_rows::<3>(0).norm() / before.pixel_angle
+        before.best.pose.local_coordinates(&after.best.pose).fixed_rows::<3>(0).norm() / before.pixel_angle
     };
     let both = |seed| [turn(seed, Vector2::x()), turn(seed, Vector2::y())];
     let mut turns: Vec<f64> = (0..20).flat_map(both).collect();
@@ -96,7 +96,7 @@ fn regions_of_a_scan_that_contradict_one_another_widen_the_covariance() {
         let off = seen(&scene, |number, x| if number == 0 { turn * x } else { x });
         let sigmas = |frame_sigma: FrameSigma| {
             let best = estimated(&off, &worlds, frame_sigma).best;
-            let increment = best.pose.increment_to(&scene.pose);
+            let increment = best.pose.local_coordinates(&scene.pose);
             increment.dot(&best.covariance.cholesky().unwrap().solve(&increment)).sqrt()
         };
         by_noise += usize::from(sigmas(FrameSigma::ZERO) > 4.5);

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Ring, Scene, SpaceRing, placed, rectangle, rendered};
 use nalgebra::{Rotation2, Rotation3, Vector2, Vector3};
-use regionpose::internals::effort;
+use regionpose::internals::budget;
 use regionpose::internals::geometry::overlap::overlap_areas;
 use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::internals::geometry::simplified::simplified;
@@ -56,7 +56,7 @@ fn wavy(vertices: usize) -> Ring {
 fn overlap_work(rings: Vec<Ring>) -> u64 {
     let other = rings.iter().map(|ring| ring.iter().map(|p| p + Vector2::new(1e-5, 2e-5)).collect()).collect();
     let [first, second] = [rings, other].map(|rings| PlaneRings::new(rings).unwrap());
-    let (areas, work) = effort::counted(|| overlap_areas(&first, &second));
+    let (areas, work) = budget::measured(|| overlap_areas(&first, &second));
     assert!(areas.error() > 0.0 && areas.error() < 0.1, "{areas:?}");
     work
 }
@@ -93,7 +93,7 @@ fn spiral(vertices: usize) -> Ring {
 #[test]
 fn fewer_vertices_of_a_spiral_take_as_much_as_it_has() {
     assert_growth("spiral", 2000, |vertices| {
-        let (fewer, work) = effort::counted(|| simplified(&spiral(vertices), 1e-9));
+        let (fewer, work) = budget::measured(|| simplified(&spiral(vertices), 1e-9));
         assert!(fewer.len() > vertices, "{} of {}", fewer.len(), 2 * vertices);
         work
     });
@@ -123,7 +123,7 @@ fn corner(vertices: usize) -> Problem {
 fn creases_grow_as_vertices_do() {
     assert_growth("creases", 1000, |vertices| {
         let problem = corner(vertices);
-        effort::counted(|| problem.creases().len()).1
+        budget::measured(|| problem.creases().len()).1
     });
 }
 
@@ -147,7 +147,7 @@ fn many(regions: usize) -> Problem {
 fn poses_of_centroids_grow_as_regions_do() {
     assert_growth("centroids", 100, |regions| {
         let problem = many(regions);
-        let (poses, work) = effort::counted(|| centroid_poses(&problem));
+        let (poses, work) = budget::measured(|| centroid_poses(&problem));
         assert!(poses.iter().any(|pose| pose.angle_to(&Pose::identity()) < 1e-2));
         work
     });
@@ -157,13 +157,13 @@ fn poses_of_centroids_grow_as_regions_do() {
 fn creases_grow_as_regions_do() {
     assert_growth("regions", 100, |regions| {
         let problem = many(regions);
-        effort::counted(|| problem.creases().len()).1
+        budget::measured(|| problem.creases().len()).1
     });
 }
 
 /// Looks at the whole of it that an estimate takes: where these stay, the work grows as the problem does.
 fn looks(problem: &Problem) -> f64 {
-    let (estimate, work) = effort::counted(|| problem.estimate());
+    let (estimate, work) = budget::measured(|| problem.estimate());
     assert!(estimate.is_ok());
     work as f64 / problem.work() as f64
 }

@@ -56,7 +56,7 @@ fn contours_tell_that_regions_are_there_and_nothing_of_a_pose_beside() {
             let problem = Problem::new(&observed, &scene.worlds).unwrap();
             let pose = problem.centered(&scene.pose);
             let evidence = |pose| least_evidence(&ContourFit::at(problem.contours(), &pose, 1).unwrap());
-            let (there, beside) = (evidence(pose), evidence(pose.moved(&increment)));
+            let (there, beside) = (evidence(pose), evidence(pose.retract(&increment)));
             assert!(there > 50.0 && beside < 5.0, "seed {seed}: {there}, {beside}");
         }
     }

@@ -39,7 +39,7 @@ fn increment_between(from: &Pose, to: &Pose) -> Tangent {
 
 #[test]
 fn a_quarter_turn_about_z_takes_x_to_y() {
-    let pose = Pose::identity().moved(&Tangent::new(0.0, 0.0, PI / 2.0, 1.0, 2.0, 3.0));
+    let pose = Pose::identity().retract(&Tangent::new(0.0, 0.0, PI / 2.0, 1.0, 2.0, 3.0));
     assert!((pose.transform(&Vector3::x()) - Vector3::new(1.0, 3.0, 3.0)).norm() < 1e-15);
 }
 
@@ -70,14 +70,14 @@ proptest! {
         let (pose, point, x) = (random.pose(10.0), random.direction(), random.tangent(angle, 3.0));
         let (omega, tau) = (x.fixed_rows::<3>(0).into_owned(), x.fixed_rows::<3>(3).into_owned());
         let expected = exponential(&omega) * pose.transform(&point) + tau;
-        prop_assert!((pose.moved(&x).transform(&point) - expected).norm() < 10.0 * ROUNDING);
+        prop_assert!((pose.retract(&x).transform(&point) - expected).norm() < 10.0 * ROUNDING);
     }
 
     #[test]
     fn the_exponential_map_is_undone_by_its_logarithm(seed: u64, angle in 0.0..3.1) {
         let mut random = Random::new(seed);
         let (pose, x) = (random.pose(10.0), random.tangent(angle, 3.0));
-        let moved = pose.moved(&x);
+        let moved = pose.retract(&x);
         let turn = moved.rotation * pose.rotation.inverse();
         // The angle comes from a cosine, which is flat at zero.
         prop_assert!((turn.scaled_axis() - x.fixed_rows::<3>(0)).amax() < 1e-7);
@@ -88,7 +88,7 @@ proptest! {
     fn an_angle_is_found_again(seed: u64, exponent in -12.0..0.49) {
         let mut random = Random::new(seed);
         let (pose, angle) = (random.pose(10.0), 10.0_f64.powf(exponent));
-        let found = pose.angle_to(&pose.moved(&random.tangent(angle, 1.0)));
+        let found = pose.angle_to(&pose.retract(&random.tangent(angle, 1.0)));
         // Matrix entries near one hold 2e-16, whatever the angle; near half a turn the chord is flat.
         let allowed = 1e-15 + 1e-14 * angle / (angle / 2.0).cos();
         prop_assert!((found - angle).abs() < allowed, "{found} for {angle}");
@@ -99,8 +99,8 @@ proptest! {
     fn the_increment_derivative_matches_differences(seed: u64, exponent in -8.0..0.4) {
         let mut random = Random::new(seed);
         let (pose, x) = (random.pose(10.0), random.tangent(10.0_f64.powf(exponent), 2.0));
-        let there = pose.moved(&x);
-        let values = |y: &Tangent| DVector::from_column_slice(increment_between(&there, &pose.moved(y)).as_slice());
+        let there = pose.retract(&x);
+        let values = |y: &Tangent| DVector::from_column_slice(increment_between(&there, &pose.retract(y)).as_slice());
         let derivative = increment_derivative(&x);
         let derivative = OMatrix::<f64, Dyn, U6>::from_fn(6, |row, column| derivative[(row, column)]);
         assert_jacobian(&derivative, values, &x, 1.0, 1e-9);
@@ -113,7 +113,7 @@ proptest! {
             prop_assert!((pose.rotation.matrix() - rotation).amax() < 1e-6);
         }
         let x = Tangent::from_column_slice(&values[..6]);
-        let _ = (Pose::identity().moved(&x), increment_derivative(&x), Pose::identity().moved(&x).angle_to(&Pose::identity()));
+        let _ = (Pose::identity().retract(&x), increment_derivative(&x), Pose::identity().retract(&x).angle_to(&Pose::identity()));
     }
 
     #[test]
@@ -132,8 +132,8 @@ fn the_increment_to_a_pose_leads_there() {
         let from = random.pose(10.0);
         let half = Pose::new(Rotation3::new(random.direction() * PI), Vector3::new(1.0, -2.0, 0.5));
         let to = if trial % 2 == 0 { random.pose(10.0) } else { half.after(&from) };
-        let increment = from.increment_to(&to);
-        assert!(apart(&from.moved(&increment), &to) < 1e-12);
+        let increment = from.local_coordinates(&to);
+        assert!(apart(&from.retract(&increment), &to) < 1e-12);
         let turn = increment.fixed_rows::<3>(0).norm();
         assert!(turn <= PI + 1e-12 && (turn - from.angle_to(&to)).abs() < 1e-7);
         assert!(
@@ -174,7 +174,7 @@ fn a_nearly_orthonormal_matrix_is_made_exact() {
 #[test]
 fn many_moves_stay_a_rotation() {
     let mut random = Random::new(4);
-    let pose = (0..10_000).fold(random.pose(1.0), |pose, _| pose.moved(&random.tangent(0.3, 0.1)));
+    let pose = (0..10_000).fold(random.pose(1.0), |pose, _| pose.retract(&random.tangent(0.3, 0.1)));
     let defect = pose.rotation.matrix().transpose() * pose.rotation.matrix() - Matrix3::identity();
     assert!(defect.amax() < 1e-15);
 }

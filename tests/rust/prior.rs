@@ -128,7 +128,7 @@ fn terms(random: &mut Random, initial: &Pose, upright: &Pose, place: &Pose) -> [
 
 /// Minus the log density of a pose moved by an increment, without the bound on what a wrong prior counts.
 fn energy(prior: &Prior, pose: &Pose, by: &Tangent) -> f64 {
-    let (moved, known) = (pose.moved(by), Matrix6::zeros());
+    let (moved, known) = (pose.retract(by), Matrix6::zeros());
     let initial = prior.initial_deviation(&moved, &known).and_then(|from| from.sigmas);
     let up = prior.up_deviation(&moved, &known).map(|from| from.sigmas);
     let near = prior.place_deviation(&moved, &known).map(|from| from.sigmas);
@@ -141,7 +141,7 @@ fn a_priors_gaussian_has_the_slope_of_its_density() {
     let mut random = Random::new(71);
     for _ in 0..20 {
         let pose = random.pose(5.0);
-        let mut away = || pose.moved(&random.tangent(1.0, 3.0));
+        let mut away = || pose.retract(&random.tangent(1.0, 3.0));
         let others = [away(), away(), away()];
         let prior = everything(&mut random, &others[0], &others[1], &others[2]);
         let slope = OMatrix::<f64, Dyn, U6>::from_rows(&[-prior.gaussian(&pose).information_vector.transpose()]);
@@ -160,7 +160,8 @@ fn a_priors_gaussian_has_the_curvature_of_its_density_where_they_agree() {
         for prior in [all].into_iter().chain(terms(&mut random, &pose, &pose, &pose)) {
             // The slope at the moved pose, by the further increment, back to the first (`docs/math.md`, eq. 1.5).
             let slope = |by: &Tangent| {
-                let vector = increment_derivative(by).transpose() * -prior.gaussian(&pose.moved(by)).information_vector;
+                let vector =
+                    increment_derivative(by).transpose() * -prior.gaussian(&pose.retract(by)).information_vector;
                 DVector::from_column_slice(vector.as_slice())
             };
             let information = prior.gaussian(&pose).information;
@@ -179,7 +180,7 @@ fn one_step_by_a_priors_gaussian_leads_to_its_mean() {
         let (pose, mean) = (random.pose(5.0), random.pose(5.0));
         let [rough, upright, near] = terms(&mut random, &mean, &mean, &mean);
         let factor = rough.gaussian(&pose);
-        let reached = pose.moved(&(factor.information.try_inverse().unwrap() * factor.information_vector));
+        let reached = pose.retract(&(factor.information.try_inverse().unwrap() * factor.information_vector));
         assert!(reached.angle_to(&mean) < 1e-9);
         let place = near.gaussian(&pose);
         let tau = place.information_vector.fixed_rows::<3>(3) / place.information[(3, 3)];

@@ -101,14 +101,14 @@ proptest! {
         prop_assert!((same.covariance - found.covariance).norm() < 1e-9 * found.covariance.norm());
         let way = found.covariance.cholesky().unwrap().l().column(0) * 2.0;
         let mut other = found.clone();
-        other.pose = found.pose.moved(&way);
+        other.pose = found.pose.retract(&way);
         let squared = found.squared_sigmas_to(&other);
         prop_assert!((squared - 2.0).abs() < 1e-3, "two deviations, of which both together have the root of two: {squared}");
         let share = 1.0 / (1.0 + (0.5 * found.deviance_to(&other, regions)).exp());
         let both = found.clone().mixed_over(&[found.clone(), other], regions);
         let scattered = found.covariance + way * way.transpose() * (share * (1.0 - share));
         prop_assert!((both.covariance - scattered).norm() < 1e-6 * scattered.norm());
-        prop_assert!((found.pose.increment_to(&both.pose) - way * share).norm() < 1e-6 * way.norm());
+        prop_assert!((found.pose.local_coordinates(&both.pose) - way * share).norm() < 1e-6 * way.norm());
     }
 }
 
@@ -155,7 +155,7 @@ fn samples_make_up_for_a_wrong_outline() {
         let estimate = estimated(&scene, &worlds, Prior::default());
         let (rotation, place) = scene.errors(&estimate.best.pose);
         assert!(rotation < 8e-3 && place < 2e-3, "seed {seed}: {rotation} rad, {place}");
-        let way = estimate.best.pose.increment_to(&scene.pose);
+        let way = estimate.best.pose.local_coordinates(&scene.pose);
         let squared = way.dot(&estimate.best.covariance.cholesky().unwrap().solve(&way));
         assert!(squared < 22.5, "seed {seed}: {squared} variances, as in 999 of 1000 cases of six");
         assert!(estimate.warnings.is_empty(), "seed {seed}: {:?}", estimate.warnings);
@@ -174,7 +174,7 @@ fn assert_covers(count: u64, shape: &[[f64; 2]], gap: f64, corner_sigma: f64) {
             *bearing += random.normals() * (corner_sigma / FOCAL);
         }
         let best = estimated(&scene, &worlds, Prior::default()).best;
-        let way = best.pose.increment_to(&scene.pose);
+        let way = best.pose.local_coordinates(&scene.pose);
         way.dot(&best.covariance.cholesky().unwrap().solve(&way))
     };
     let squares: Vec<f64> = (0..count).map(squared_sigmas).collect();
@@ -237,7 +237,7 @@ fn rounding_leaves_the_pose() {
         };
         let other: Vec<_> = worlds.iter().map(moved).collect();
         let [one, other] = [&worlds, &other].map(|worlds| estimated(&scene, worlds, Prior::default()).best);
-        let way = one.pose.increment_to(&other.pose);
+        let way = one.pose.local_coordinates(&other.pose);
         let squared = way.dot(&one.covariance.cholesky().unwrap().solve(&way));
         let ratios = one.covariance.diagonal().component_div(&other.covariance.diagonal());
         assert!(squared < 0.04, "seed {seed}: {squared} variances");
@@ -370,7 +370,7 @@ fn a_prior_that_samples_contradict_is_left_out_and_warned_of() {
     let mut random = Random::new(42);
     let scene = Scene::random(&mut random, layout(3));
     let worlds = sampled(&mut random, &scene.worlds, 0.1, 1.0);
-    let elsewhere = scene.pose.moved(&Tangent::new(0.3, -0.4, 0.2, 0.5, 0.1, 0.2));
+    let elsewhere = scene.pose.retract(&Tangent::new(0.3, -0.4, 0.2, 0.5, 0.1, 0.2));
     let estimate = estimated(&scene, &worlds, known(elsewhere));
     assert!(scene.errors(&estimate.best.pose).0 < 6e-3, "{:?}", scene.errors(&estimate.best.pose));
     let warned = |warning: &Warning| matches!(warning, Warning::InitialContradicted { .. });

@@ -127,10 +127,11 @@ fn margins_have_exact_derivatives() {
     let mut random = Random::new(4);
     let scene = Scene::random(&mut random, layout(2));
     let problem = Problem::new(&scene.observed, &sampled(&mut random, &scene.worlds, 0.2, 1.0)).unwrap();
-    let pose = problem.centered(&scene.pose).moved(&random.tangent(0.02, 0.05));
+    let pose = problem.centered(&scene.pose).retract(&random.tangent(0.02, 0.05));
     for region in problem.sampled() {
         let numbers: Vec<usize> = (0..region.count()).collect();
-        let projected = |at: &Tangent| numbers.iter().map(|&n| region.project(&pose.moved(at), n)).collect::<Vec<_>>();
+        let projected =
+            |at: &Tangent| numbers.iter().map(|&n| region.project(&pose.retract(at), n)).collect::<Vec<_>>();
         let margins = |at: &Tangent| {
             let margin = |sample: &ProjectedSample| match sample {
                 ProjectedSample::Visible(margin) => margin.value,

@@ -7,7 +7,7 @@ use crate::support::random::Random;
 use crate::support::samples::{layout, sampled};
 use crate::support::scene::{Scene, rectangle};
 use nalgebra::{Vector2, Vector3};
-use regionpose::internals::effort;
+use regionpose::internals::budget;
 use regionpose::internals::geometry::pose::Tangent;
 use regionpose::{Estimate, ObservedRegion, Options, Pose, PoseSigma, Prior, Problem, WorldRegion};
 
@@ -151,7 +151,7 @@ fn what_one_sided_samples_leave_open_is_the_outlines() {
         let estimate = estimated(&scene.observed, &worlds, Prior::default());
         let (rotation, place) = scene.errors(&estimate.best.pose);
         assert!(rotation < 1.2e-2 && place < 0.02, "seed {seed}: {rotation} rad, {place}");
-        let way = estimate.best.pose.increment_to(&scene.pose);
+        let way = estimate.best.pose.local_coordinates(&scene.pose);
         let squared = way.dot(&estimate.best.covariance.cholesky().unwrap().solve(&way));
         assert!(squared < 22.5, "seed {seed}: {squared} variances, as in 999 of 1000 cases of six");
     }
@@ -179,10 +179,10 @@ fn the_outlines_answer_is_said_to_be_that() {
     let minima: Vec<_> = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
     let heard = search.clone().assess(minima.clone()).unwrap();
     assert!(heard.best.posterior.is_some() && heard.warnings.iter().all(|warning| warning.code() != "samples-unused"));
-    let (unheard, _) = effort::bounded(0, || search.assess(minima).unwrap());
+    let (unheard, _) = budget::limited(0, || search.assess(minima).unwrap());
     let codes: Vec<_> = unheard.warnings.iter().map(|warning| warning.code()).collect();
     assert!(unheard.best.posterior.is_none() && codes.contains(&"samples-unused"), "{codes:?}");
     assert!(codes.contains(&"poor-overlap") || codes.contains(&"outlier-region"), "{codes:?}");
-    let way = unheard.best.pose.moved(&Tangent::zeros()).angle_to(&scene.pose);
+    let way = unheard.best.pose.retract(&Tangent::zeros()).angle_to(&scene.pose);
     assert!(way > 0.01, "the outlines are wrong, and so is their pose: {way} rad");
 }

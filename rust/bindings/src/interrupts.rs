@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
-use regionpose::internals::effort::{self, Stop};
+use regionpose::internals::budget::{self, Cancel};
 
 /// How often signals are looked for while other threads work: a hundred times in the second that users wait.
 const LOOK: Duration = Duration::from_millis(10);
@@ -40,17 +40,17 @@ impl Raised {
 /// Work on this thread, without the interpreter.
 pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let raised = Raised::default();
-    let stop: Stop = {
+    let stop: Cancel = {
         let raised = raised.clone();
         Arc::new(move || raised.look())
     };
-    let found = py.detach(|| effort::interruptible(stop, work));
+    let found = py.detach(|| budget::cancellable(stop, work));
     // Only an exception ends it early.
     raised.or(found)?.ok_or_else(|| PyKeyboardInterrupt::new_err(()))
 }
 
 /// Work on other threads, without the interpreter; it is handed what tells them that nobody waits any more.
-pub fn detached_threads<T: Send>(py: Python<'_>, work: impl FnOnce(&Stop) -> T + Send) -> PyResult<T> {
+pub fn detached_threads<T: Send>(py: Python<'_>, work: impl FnOnce(&Cancel) -> T + Send) -> PyResult<T> {
     watched_threads(py, |_| Ok(()), work)
 }
 
@@ -58,10 +58,10 @@ pub fn detached_threads<T: Send>(py: Python<'_>, work: impl FnOnce(&Stop) -> T +
 pub fn watched_threads<T: Send>(
     py: Python<'_>,
     watch: impl Fn(Python<'_>) -> PyResult<()> + Sync,
-    work: impl FnOnce(&Stop) -> T + Send,
+    work: impl FnOnce(&Cancel) -> T + Send,
 ) -> PyResult<T> {
     let (raised, stopped) = (Raised::default(), Arc::new(AtomicBool::new(false)));
-    let stop: Stop = {
+    let stop: Cancel = {
         let stopped = stopped.clone();
         Arc::new(move || stopped.load(Ordering::Relaxed))
     };

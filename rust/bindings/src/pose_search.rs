@@ -14,7 +14,7 @@ use regionpose::internals::alignment::pictures::LogRatios;
 use regionpose::internals::alignment::posterior::Mode;
 use regionpose::internals::alignment::projection;
 use regionpose::internals::alignment::search::{self, SearchOptions, SearchProgress};
-use regionpose::internals::effort;
+use regionpose::internals::budget;
 
 use crate::arrays::{array, covariance, matrix, points, pose, rotation, translation, value_error, vector};
 use crate::interrupts::watched_threads;
@@ -234,7 +234,7 @@ pub fn search_poses<'py>(
     let watch = |py: Python<'_>| progress.as_ref().map_or(Ok(()), |call| call.call1(py, (done.share(),)).map(drop));
     let found = watched_threads(py, watch, |stop| {
         let search = || search::search_with_progress(&frames, &density.0, &starts, &options, &done);
-        effort::interruptible(stop.clone(), search)
+        budget::cancellable(stop.clone(), search)
     })?;
     let found = found.ok_or_else(|| PyKeyboardInterrupt::new_err(()))?.map_err(value_error)?;
     let arrays = |mode: &Mode| {

@@ -24,6 +24,6 @@ pub fn moved_pose<'py>(
     translation: &Bound<'py, PyAny>,
     increment: &Bound<'py, PyAny>,
 ) -> PyResult<RotationTranslation<'py>> {
-    let moved = pose(rotation, translation)?.moved(&tangent(increment)?);
+    let moved = pose(rotation, translation)?.retract(&tangent(increment)?);
     Ok((self::rotation(py, &moved)?, self::translation(py, &moved)))
 }

@@ -8,7 +8,7 @@ use pyo3::exceptions::{PyKeyboardInterrupt, PyValueError};
 use pyo3::prelude::*;
 use regionpose::Error;
 use regionpose::internals::batch::in_parallel;
-use regionpose::internals::effort;
+use regionpose::internals::budget;
 use regionpose::internals::equations::facet::Integration;
 use regionpose::internals::equations::least_squares;
 use regionpose::internals::equations::residual::Evaluation;
@@ -509,7 +509,7 @@ type PySides<'py> = (Vec<PyRef<'py, ObservedRegion>>, Vec<PyRef<'py, WorldRegion
 /// What this thread has counted so far of the work that bounds searches: edges that were looked at.
 #[pyfunction]
 pub fn work_done() -> u64 {
-    effort::done()
+    budget::charged()
 }
 
 /// Estimates of many problems by the native solver, each with its prior, in order; None for a problem without a pose in
@@ -551,14 +551,14 @@ pub fn estimate_batch<'py>(
     let results = detached_threads(py, |stop| {
         // Nobody sees the answers of a batch that was interrupted.
         let waited_for = |task: &(Sides, Options)| {
-            let solved = if stop() { None } else { effort::interruptible(stop.clone(), || solve(task)) };
-            solved.unwrap_or(Err(Error::Stopped))
+            let solved = if stop() { None } else { budget::cancellable(stop.clone(), || solve(task)) };
+            solved.unwrap_or(Err(Error::Canceled))
         };
         in_parallel(&tasks, threads, waited_for)
     });
     let answer = |result| match in_view(result) {
         Ok(found) => Ok(found.map(Estimate::new).into_pyobject(py)?.into_any()),
-        Err(Error::Stopped) => Err(PyKeyboardInterrupt::new_err(())),
+        Err(Error::Canceled) => Err(PyKeyboardInterrupt::new_err(())),
         Err(error) => Ok(error.to_string().into_pyobject(py)?.into_any()),
     };
     results?.map_err(value_error)?.into_iter().map(answer).collect()

@@ -90,7 +90,7 @@ impl PoseDensity {
     pub fn log_integral(&self, pose: &Pose, curvature: &Matrix6<f64>) -> Option<f64> {
         let Self::Student { pose: middle, information, .. } = self else { return None };
         let root = information.cholesky()?.l();
-        let increment = middle.increment_to(pose);
+        let increment = middle.local_coordinates(pose);
         let squares = increment.dot(&(information * increment));
         let pull = (FREEDOM + 6.0) / (FREEDOM + squares);
         let way = root.tr_mul(&increment);
@@ -125,7 +125,7 @@ impl PoseDensity {
                 }
             }
             Self::Student { pose: middle, information, log_height } => {
-                let increment = middle.increment_to(pose);
+                let increment = middle.local_coordinates(pose);
                 let pull = information * increment;
                 let squares = increment.dot(&pull);
                 let weight = FREEDOM + 6.0;
@@ -180,7 +180,7 @@ impl Sampler {
             PoseDensity::Prior { .. } => 1.0,
             PoseDensity::Student { .. } => (-2.0 * ((1.0 - uniform[0]) * (1.0 - uniform[1])).ln() / FREEDOM).sqrt(),
         };
-        base.moved(&(self.mean + self.root * Vector6::from(*normal) / scale.max(LEAST_SCALE)))
+        base.retract(&(self.mean + self.root * Vector6::from(*normal) / scale.max(LEAST_SCALE)))
     }
 }
 

@@ -8,7 +8,7 @@ use super::cloud_edges::{CloudEdges, EdgeGroup, GroupedEdges};
 use super::groups::{Floats, GROUP, Numbers, ZEROS, total};
 use super::pictures::{LogRatios, directions_of};
 use super::projection::{Pixels, Places, Projection};
-use crate::effort;
+use crate::budget;
 use crate::geometry::pose::Pose;
 use crate::math::lanes::{NullaryFnOnce, vectorized};
 
@@ -73,22 +73,22 @@ impl Frame {
     /// The sum of log likelihood ratios under the edges that a camera at a pose sees, by the number of the spread, as if edges were
     /// independent; and how many the photo shows.
     pub fn log_ratio(&self, pose: &Pose, spread: usize) -> (f64, usize) {
-        if effort::is_stopped() {
+        if budget::is_canceled() {
             return (0.0, 0);
         }
         let (sum, count, looked_at) = vectorized(Sum { frame: self, pose, spread });
-        effort::spend(looked_at);
+        budget::charge(looked_at);
         (sum, count)
     }
 
     /// The edges that a camera at a pose sees, for sums at poses near it.
     pub fn seen_from(&self, pose: &Pose, spread: usize) -> SeenEdges<'_> {
         let mut seen = SeenEdges { frame: self, spread, groups: Vec::new(), count: 0 };
-        if effort::is_stopped() {
+        if budget::is_canceled() {
             return seen;
         }
         let looked_at = vectorized(Find { pose, seen: &mut seen });
-        effort::spend(looked_at);
+        budget::charge(looked_at);
         seen
     }
 
@@ -240,7 +240,7 @@ impl SeenEdges<'_> {
     /// The sum of log likelihood ratios at a pose, less an `offset` for each edge that the photo shows, and its derivative by a left
     /// increment.
     pub fn log_ratio(&self, pose: &Pose, offset: f64) -> (f64, SVector<f64, 6>) {
-        effort::spend(2 * self.count);
+        budget::charge(2 * self.count);
         let (sum, count, slope) = vectorized(SumAndSlope { edges: self, pose });
         (sum - offset * count as f64, slope)
     }

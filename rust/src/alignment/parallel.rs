@@ -1,6 +1,6 @@
 //! The same work on many items, on all cores where the crate has threads.
 
-use crate::effort;
+use crate::budget;
 use crate::error::Result;
 
 /// Items that are worked on in a row: enough that threads are worth it.
@@ -16,12 +16,12 @@ pub(super) fn mapped<T: Sync, A: Send>(
     let chunks: Vec<&[T]> = items.chunks(CHUNK).collect();
     let all = |chunk: &&[T]| {
         // Chunks are shorter than what work is done between two questions, and each begins to count anew.
-        effort::pass(usize::MAX);
+        budget::poll(usize::MAX);
         Ok(chunk.iter().map(&work).collect::<Vec<A>>())
     };
     let done = crate::batch::in_parallel(&chunks, threads, all)?;
     // Of a thread that ended early the caller must know, or would take what it has for an answer.
-    effort::pass(usize::MAX);
+    budget::poll(usize::MAX);
     let mut made = Vec::with_capacity(items.len());
     for chunk in done {
         made.extend(chunk?);
@@ -37,7 +37,7 @@ pub(super) fn mapped<T: Sync, A: Send>(
     work: impl Fn(&T) -> A + Sync,
 ) -> Result<Vec<A>> {
     let all = |chunk: &[T]| {
-        effort::pass(usize::MAX);
+        budget::poll(usize::MAX);
         chunk.iter().map(&work).collect::<Vec<A>>()
     };
     Ok(items.chunks(CHUNK).flat_map(all).collect())

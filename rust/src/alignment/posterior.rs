@@ -101,7 +101,7 @@ impl Posterior<'_> {
         };
         let ends = if self.spread == FINEST { ENDS } else { COARSE_ENDS };
         let (x, value) = minimum(cost, Vector6::zeros(), &ends);
-        (pose.moved(&(root * x)), -value)
+        (pose.retract(&(root * x)), -value)
     }
 
     /// A maximum with its covariance and mass.
@@ -173,7 +173,7 @@ impl<'a> Local<'a> {
 
     /// The log density at a left increment of the pose, and its slope by increments there.
     fn at(&self, increment: &Vector6<f64>) -> (f64, Vector6<f64>) {
-        let pose = self.pose.moved(increment);
+        let pose = self.pose.retract(increment);
         let known = self.posterior.density.at(&pose);
         let (mut value, mut slope) = (known.value, known.slope);
         for (seen, [offset, scale]) in self.seen.iter().zip(&self.weights) {

@@ -169,7 +169,7 @@ fn distinct(
         let is_new = kept.iter().zip(&metrics).all(|(other, metric)| {
             // Most are told apart by this alone.
             pose.angle_to(other) > FAR_TURN || {
-                let way = other.increment_to(pose);
+                let way = other.local_coordinates(pose);
                 way.dot(&(metric * way)) > APART * APART
             }
         });

@@ -5,7 +5,7 @@ use std::ops::{Index, Range};
 use nalgebra::{Rotation3, Vector2, Vector3};
 
 use super::pieces::edges;
-use crate::effort;
+use crate::budget;
 use crate::geometry::edge_field::{GROUP, ROUNDING};
 use crate::geometry::pose::Pose;
 use crate::geometry::rings::bounding_box;
@@ -209,7 +209,7 @@ impl Edges {
                 best = if square < best.0 { (square, group * GROUP + place) } else { best };
             }
         }
-        effort::spend(looked);
+        budget::charge(looked);
         best.1
     }
 }

@@ -7,7 +7,7 @@ use nalgebra::{Vector2, Vector3, Vector6};
 
 use super::neighbors::neighbors;
 use super::pieces::{edges, straight_runs};
-use crate::effort;
+use crate::budget;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::edge_boxes::{Corners, EdgeBoxes};
 use crate::geometry::pose::Pose;
@@ -76,7 +76,7 @@ fn meeting_line(first: &WorldRegion, second: &WorldRegion) -> Option<(Vector3<f6
     let across = a.axes[2].cross(&direction);
     let point = a.origin + across * (-b.height(&a.origin) / b.axes[2].dot(&across));
     let meets = |world: &WorldRegion| {
-        effort::spend(world.outline().rings().iter().map(Vec::len).sum());
+        budget::charge(world.outline().rings().iter().map(Vec::len).sum());
         let side = world.frame().axes[2].cross(&direction);
         let offsets = world.rings().concat().into_iter().map(|x| side.dot(&(x - point)));
         let (low, high) = offsets.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
@@ -99,7 +99,7 @@ fn shared_edge(first: &RegionEquations, sides: [&[Side]; 2]) -> Option<Side> {
     let length = |part: &[Vector2<f64>; 2]| (part[1] - part[0]).norm();
     // No part of a shorter side is long enough.
     let seen = |side: &Side| Some([in_pixels(&side[0])?, in_pixels(&side[1])?]).filter(|side| length(side) >= SHORTEST);
-    effort::spend(sides[0].len() + sides[1].len());
+    budget::charge(sides[0].len() + sides[1].len());
     let [own, others] = sides.map(|sides| sides.iter().filter_map(seen).collect::<Vec<_>>());
     let others = EdgeBoxes::new(others);
     let mut longest: Option<[Vector2<f64>; 2]> = None;
@@ -123,7 +123,7 @@ fn sides(region: &RegionEquations) -> Vec<Side> {
     let mut found: Vec<Side> = Vec::new();
     let lift = |p: Vector2<f64>| chart.rotation.inverse() * (p / chart.scale).push(1.0);
     for (ring, foreign) in region.outline().rings().iter().zip(region.foreign_edges()) {
-        effort::spend(ring.len());
+        budget::charge(ring.len());
         let mut last = None;
         let numbers = straight_runs(ring, &mut runs);
         for (((from, to), number), &foreign) in edges(ring).zip(numbers).zip(foreign) {

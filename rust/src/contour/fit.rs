@@ -9,7 +9,7 @@ use super::correlation::{centered, correlation, mean, sigmas, split};
 use super::mixture::{Distances, Mixture, SCALE_STEP};
 use super::readings::{Contour, Reading};
 use super::region_preference::{RegionPreference, compare_by_region, of_counted};
-use crate::effort;
+use crate::budget;
 use crate::equations::normal_equations::NormalEquations;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::math::gaussian::Gaussian;
@@ -298,9 +298,9 @@ impl<'a> FixedMixture<'a> {
     }
 
     /// Minus the mean logarithm of the density at a pose; infinite where a region is out of view, and the largest number
-    /// where no effort is left to look.
+    /// where the budget is exhausted.
     pub fn negative_log_density(&self, pose: &Pose) -> f64 {
-        if effort::is_spent() {
+        if budget::is_exhausted() {
             return f64::MAX;
         }
         let readings = Readings::at(self.contours, pose, self.step);
@@ -339,7 +339,7 @@ fn refined_from(
         if mixture.likelihood > likeliest.0 {
             likeliest = (mixture.likelihood, pose);
         }
-        if effort::is_spent() {
+        if budget::is_exhausted() {
             break;
         }
         // The comparison fails for a scale that is not finite, too.
@@ -413,7 +413,7 @@ fn gauss_newton(equations: &NormalEquations) -> Option<Tangent> {
 /// The pose moved by an increment, shortened until every region is in view.
 fn advanced(contours: &[Contour], pose: &Pose, increment: &Tangent) -> Option<Pose> {
     let increment = increment * (LONGEST_STEP / size(increment, pose)).min(1.0);
-    let shorter = (0..=HALVINGS).map(|times| pose.moved(&(increment * 0.5_f64.powi(times))));
+    let shorter = (0..=HALVINGS).map(|times| pose.retract(&(increment * 0.5_f64.powi(times))));
     shorter.into_iter().find(|moved| contours.iter().all(|contour| contour.is_in_view(moved)))
 }
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::effort;
+use crate::budget;
 use crate::equations::residual::RegionEquations;
 
 /// Caps in one box at most. A convention.
@@ -25,7 +25,7 @@ impl Cap {
         let chart = region.chart();
         let points = region.outline().rings().iter().flatten();
         let widest = points.map(Vector2::norm_squared).fold(0.0, f64::max).sqrt();
-        effort::spend(region.outline().rings().iter().map(Vec::len).sum());
+        budget::charge(region.outline().rings().iter().map(Vec::len).sum());
         let reach = 2.0 * (0.5 * (widest / chart.scale).atan()).sin() + room + ROUNDING;
         Self { region: number, axis: chart.rotation.inverse() * Vector3::z(), reach }
     }
@@ -68,7 +68,7 @@ impl CapTree {
             let reach = Vector3::repeat(cap.reach);
             (low.inf(&(cap.axis - reach)), high.sup(&(cap.axis + reach)))
         });
-        effort::spend(caps.len());
+        budget::charge(caps.len());
         let along = (high - low).imax();
         self.boxes.push(CapBox { part: part.clone(), low, high, second: None });
         if part.len() > GROUP {
@@ -84,7 +84,7 @@ impl CapTree {
     fn for_each_meeting(&self, place: usize, number: usize, found: &mut impl FnMut(&Cap)) {
         let (cap, CapBox { part, low, high, second }) = (&self.caps[place], &self.boxes[number]);
         let is_apart = |axis: usize| cap.axis[axis] + cap.reach < low[axis] || cap.axis[axis] - cap.reach > high[axis];
-        effort::spend(1);
+        budget::charge(1);
         if part.end <= place + 1 || (0..3).any(is_apart) {
             return;
         }
@@ -94,7 +94,7 @@ impl CapTree {
             }
             None => {
                 let behind = &self.caps[part.start.max(place + 1)..part.end];
-                effort::spend(behind.len());
+                budget::charge(behind.len());
                 behind.iter().filter(|other| cap.meets(other)).for_each(found);
             }
         }

@@ -8,7 +8,7 @@ use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 
 use super::boundary::{Boundary, Edge, Edges, Foot, Seen};
 use super::pieces::{self, Piece, pieces};
-use crate::effort;
+use crate::budget;
 use crate::equations::normal_equations::{NormalEquations, WeightedRow};
 use crate::equations::residual::RegionEquations;
 use crate::geometry::edge_field::EdgeField;
@@ -212,7 +212,7 @@ impl Contour {
 
     /// Counts the vertices that a view projects, and the pieces that are read against it.
     fn count_work(&self, view: &View<'_>, step: usize) {
-        effort::spend(view.seen.count() + EDGES_OF_PIECE * self.count(step));
+        budget::charge(view.seen.count() + EDGES_OF_PIECE * self.count(step));
     }
 
     /// Whether the projected boundary is in view at a pose.

@@ -5,7 +5,7 @@
 
 use nalgebra::{Cholesky, Const, Matrix6};
 
-use crate::effort;
+use crate::budget;
 use crate::equations::normal_equations::NormalEquations;
 use crate::equations::residual::{RegionEquations, normal_equations};
 use crate::equations::system::Weighting;
@@ -174,7 +174,7 @@ impl Descent {
         if self.evaluations == 1 {
             self.radius = self.radius.min(step.norm());
         }
-        let pose = self.pose.moved(&step.component_mul(&back));
+        let pose = self.pose.retract(&step.component_mul(&back));
         if damping == 0.0 && 2.0 * step.norm() <= criteria.tolerance * self.sizes.norm() {
             self.take_unseen(pose, Gain::new(&model, &step, damping, self.equations.cost, None).predicted);
             return Some(Termination::PoseTolerance);
@@ -214,7 +214,7 @@ impl Descent {
         if gradient.amax() == 0.0 {
             return Some(Termination::RoundOff);
         }
-        if effort::is_spent() {
+        if budget::is_exhausted() {
             return Some(Termination::WorkLimit);
         }
         (self.evaluations >= criteria.evaluations).then_some(Termination::EvaluationLimit)

@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use nalgebra::{DVector, Dyn, OMatrix, U6, Vector2, Vector3};
 
-use crate::effort;
+use crate::budget;
 use crate::equations::facet::{Facet, Integration, SUBDIVISION, facets, integration_mesh};
 use crate::equations::normal_equations::{DERIVED, NormalEquations};
 use crate::equations::system::{
@@ -73,7 +73,7 @@ impl RegionEquations {
     ///
     /// # Errors
     /// What [`Chart::of`], [`Border::of`] and [`foreign_edges`] refuse, a pixel area that is not positive, pixel sums asked for
-    /// without pixels, or that nobody waits for it any more.
+    /// without pixels, or that it was canceled.
     pub fn new(
         observed: &ObservedRegion,
         world: &WorldRegion,
@@ -81,10 +81,10 @@ impl RegionEquations {
         system: System,
         integration: Integration,
     ) -> Result<Self> {
-        if effort::is_stopped() {
-            return Err(Error::Stopped);
+        if budget::is_canceled() {
+            return Err(Error::Canceled);
         }
-        effort::spend(EDGES_OF_VERTEX * observed.rings.iter().map(Vec::len).sum::<usize>());
+        budget::charge(EDGES_OF_VERTEX * observed.rings.iter().map(Vec::len).sum::<usize>());
         let (chart, outline) = Chart::of(&observed.rings)?;
         let pixel_area = observed.checked_pixel_area()?;
         let pixel = pixel_area.sqrt().recip();
@@ -191,7 +191,7 @@ impl RegionEquations {
     fn add_rows<const N: usize>(&self, pose: &Pose, weighting: Weighting, equations: &mut Vec<[f64; N]>) -> Option<()> {
         // What a cut takes depends on the pose, and is counted there.
         if self.sides.border.is_none() {
-            effort::spend(self.work());
+            budget::charge(self.work());
         }
         let mut rows = [[0.0; N]; MOST_EQUATIONS];
         let rows = &mut rows[..self.sides.system.count(weighting)];
@@ -261,7 +261,7 @@ impl RegionEquations {
         let (clipped, side) = facet.clipped(chart_from_world, &self.sides.chart, border);
         let rings = clipped.rings.iter().map(Vec::as_slice);
         let scale = self.sides.chart.scale;
-        effort::spend(EDGES_OF_MOMENTS * clipped.rings.iter().map(Vec::len).sum::<usize>());
+        budget::charge(EDGES_OF_MOMENTS * clipped.rings.iter().map(Vec::len).sum::<usize>());
         let mut rows = [[0.0; N]; MOST_EQUATIONS];
         let rows = &mut rows[..sums.len()];
         match self.sides.system {
@@ -269,7 +269,7 @@ impl RegionEquations {
             System::Sphere => add_sphere(&lifted_moments(rings, &self.sides.chart, order), scale, nu, rows),
         }
         if N > ALONE {
-            effort::spend(self.edges_of_flux() * clipped.border.len());
+            budget::charge(self.edges_of_flux() * clipped.border.len());
             let still: Vec<_> = clipped.border.iter().map(|ends| ends.map(|p| p / scale)).collect();
             subtract_flux(self.sides.system, &still, scale, nu, rows);
         }

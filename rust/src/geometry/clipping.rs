@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use nalgebra::Vector2;
 
-use crate::effort;
+use crate::budget;
 use crate::geometry::edge_boxes::EdgeBoxes;
 use crate::geometry::rings::predicates::turn;
 use crate::geometry::rings::ring_edges;
@@ -66,7 +66,7 @@ impl Window {
         let crossings = self.crossings(first);
         let of_first = paths(first, &crossings, 0, |point| self.holds(point, 1.0));
         // Each ring asks once whether the other region holds it.
-        effort::spend(self.rings.len() * edges(first).count());
+        budget::charge(self.rings.len() * edges(first).count());
         let of_second = paths(&self.rings, &crossings, 1, |point| holds(first, point, -1.0));
         let mut clipped = stitched(&of_first, &of_second, crossings.len());
         for ring in &of_second.closed {
@@ -94,7 +94,7 @@ impl Window {
                 },
             );
         }
-        effort::spend(EDGES_OF_CROSSING * found.len());
+        budget::charge(EDGES_OF_CROSSING * found.len());
         found
     }
 

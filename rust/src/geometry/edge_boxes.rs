@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use nalgebra::Vector2;
 
-use crate::effort;
+use crate::budget;
 use crate::geometry::rings::bounding_box;
 
 /// Edges or boxes in one box: neighbors along a line lie together. A convention.
@@ -39,14 +39,14 @@ impl EdgeBoxes {
     }
 
     /// Gives the edges whose boxes, and all boxes around them, may be near, with their numbers, rising; counts the boxes that are
-    /// asked for (`effort`).
+    /// asked for (`budget`).
     pub(crate) fn for_each_near(
         &self,
         near: impl Fn(&Corners) -> bool,
         mut found: impl FnMut(usize, [Vector2<f64>; 2]),
     ) {
         let top = self.levels.last().map_or(self.edges.len(), Vec::len);
-        effort::spend(self.visit(self.levels.len(), 0..top, &near, &mut found));
+        budget::charge(self.visit(self.levels.len(), 0..top, &near, &mut found));
     }
 
     /// The same of a part of a level, level 0 being the edges; how many were asked for.
@@ -97,7 +97,7 @@ mod tests {
         let mut numbers = Vec::new();
         let near = |[low, high]: &Corners| low.x <= x && x <= high.x;
         let visit = || edges.for_each_near(near, |number, _| numbers.push(number));
-        let ((), looked) = effort::counted(visit);
+        let ((), looked) = budget::measured(visit);
         (numbers, looked)
     }
 

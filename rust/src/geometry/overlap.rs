@@ -15,7 +15,7 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Add;
 
-use crate::effort;
+use crate::budget;
 use crate::geometry::ring_parts::{Edge, Part, Parts, Point, Visitor, greater, lesser, sign};
 use crate::geometry::rings::PlaneRings;
 use crate::math::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
@@ -70,7 +70,7 @@ impl Add for OverlapAreas {
 }
 
 /// Solid angles of the intersection and the two differences of regions in the same chart `z = 1`, in steradians; counts the edges
-/// and parts of rings that it looks at (`effort`).
+/// and parts of rings that it looks at (`budget`).
 ///
 /// Each is right to about 1e-15 of the region's extent as an angle, times its greatest coordinate where that is above one, and
 /// never negative.
@@ -118,7 +118,7 @@ impl Segments {
             steps = below.steps;
             self.add_steps(edge, &mut steps);
         }
-        effort::spend(looked + EDGES_OF_SEGMENT * self.0.len());
+        budget::charge(looked + EDGES_OF_SEGMENT * self.0.len());
     }
 
     /// Adds an edge as often as the sum of steps along it says, which are empty then.

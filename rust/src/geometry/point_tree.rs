@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use nalgebra::SVector;
 
-use crate::effort;
+use crate::budget;
 
 /// Points in one ball at most. A convention.
 const GROUP: usize = 16;
@@ -54,7 +54,7 @@ impl<'a, const D: usize> PointTree<'a, D> {
         let (low, high) = points.iter().fold((any, any), |(low, high), point| (low.inf(point), high.sup(point)));
         let middle = (low + high) / 2.0;
         let radius = points.iter().map(|point| (point - middle).norm_squared()).fold(0.0, f64::max).sqrt();
-        effort::spend(points.len());
+        budget::charge(points.len());
         self.balls.push(Ball { part: part.clone(), middle, radius, second: None });
         if part.len() > GROUP {
             let half = part.start + part.len() / 2;
@@ -72,7 +72,7 @@ impl<'a, const D: usize> PointTree<'a, D> {
         let (between, farthest) = (first + 1..last, (limit, None));
         let mut search = Search { tree: self, between, first: self.points[first], step, inverse, farthest, looked: 0 };
         search.visit(0);
-        effort::spend(search.looked);
+        budget::charge(search.looked);
         search.farthest.1
     }
 }

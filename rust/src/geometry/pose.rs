@@ -83,14 +83,14 @@ impl Pose {
     }
 
     /// `exp(omega) P + tau` after this pose: the pose moved by a left increment (`docs/math.md`, eq. 1.2).
-    pub fn moved(&self, increment: &Tangent) -> Self {
+    pub fn retract(&self, increment: &Tangent) -> Self {
         let turn = Rotation3::new(increment.fixed_rows::<3>(0).into_owned());
         let rotation = orthonormalized((turn * self.rotation).matrix());
         Self { rotation, translation: turn * self.translation + increment.fixed_rows::<3>(3) }
     }
 
     /// The left increment that takes this pose to another, its turn up to half a turn (`docs/math.md`, eq. 1.2).
-    pub fn increment_to(&self, other: &Self) -> Tangent {
+    pub fn local_coordinates(&self, other: &Self) -> Tangent {
         let turn = other.rotation * self.rotation.inverse();
         // A matrix's skew part vanishes at half a turn, where the quaternion still knows the axis.
         let omega = UnitQuaternion::from_rotation_matrix(&turn).scaled_axis();
@@ -132,7 +132,7 @@ pub fn cross_matrix(v: &Vector3<f64>) -> Matrix3<f64> {
     v.cross_matrix()
 }
 
-/// Derivative of the left increment at `pose.moved(x)` with respect to `x`: the chain from [`Pose::moved`]'s parameter
+/// Derivative of the left increment at `pose.retract(x)` with respect to `x`: the chain from [`Pose::retract`]'s parameter
 /// to the derivatives of [`crate::equations::derivatives`] (`docs/math.md`, eq. 1.5).
 ///
 /// With the left Jacobian `L` of SO(3): `d omega = L(omega) dx_omega` and `d tau = dx_tau + tau x d omega`.

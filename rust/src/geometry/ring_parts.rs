@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use nalgebra::Vector2;
 
-use crate::effort;
+use crate::budget;
 
 /// Edges or parts in one part: neighbors along a ring lie together. A convention.
 const GROUP: usize = 8;
@@ -134,7 +134,7 @@ impl Parts {
             below = level.len();
             levels.push(level);
         }
-        effort::spend(count);
+        budget::charge(count);
         parts.levels = levels;
         parts
     }

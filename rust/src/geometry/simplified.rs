@@ -5,7 +5,7 @@ use std::collections::BinaryHeap;
 
 use nalgebra::SVector;
 
-use crate::effort;
+use crate::budget;
 use crate::geometry::point_tree::PointTree;
 
 /// Vertices of a ring without which it would be farther off than `tolerance`, in order (Douglas and Peucker 1973).
@@ -21,7 +21,7 @@ pub fn simplified<const D: usize>(ring: &[SVector<f64, D>], tolerance: f64) -> V
     let middle = ring.iter().sum::<SVector<f64, D>>() / ring.len().max(1) as f64;
     let Some(first) = farthest(&middle) else { return Vec::new() };
     let Some(second) = farthest(&ring[first]) else { return Vec::new() };
-    effort::spend(2 * ring.len());
+    budget::charge(2 * ring.len());
     // Each side of a long chord is a line of its own.
     let side = |from: usize, to: usize| {
         let count = (to + ring.len() - from) % ring.len();
@@ -58,7 +58,7 @@ fn without_needless<const D: usize>(ring: Vec<SVector<f64, D>>, limit: f64) -> V
     let entry = |square: f64, k: usize| Reverse((square.to_bits(), k));
     let mut straightest: BinaryHeap<_> = squares.iter().enumerate().map(|(k, &square)| entry(square, k)).collect();
     let (mut is_left, mut left) = (vec![true; count], count);
-    effort::spend(count);
+    budget::charge(count);
     while left > 3 {
         let Some(Reverse((bits, k))) = straightest.pop() else { break };
         // Its neighbors may have moved since.

@@ -13,7 +13,7 @@ use spade::handles::{FixedFaceHandle, InnerTag};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 
 use super::{EDGES_OF_TRIANGLE, PlaneMesh};
-use crate::effort;
+use crate::budget;
 use crate::error::{Error, Result};
 use crate::geometry::rings::PlaneRings;
 
@@ -24,7 +24,7 @@ const AREA_TOLERANCE: f64 = 1e-9;
 /// Rounding of a new vertex, in units of the largest coordinate: it moves the boundary, hence the area, by this much.
 const VERTEX_ROUNDING: f64 = 4.0 * f64::EPSILON;
 
-/// Positions that spade asks for between two looks at whether anybody waits: it asks for some hundred of each vertex, in about the
+/// Positions that spade asks for between two calls of the cancellation callback: it asks for some hundred of each vertex, in about the
 /// time of so many edges.
 const POSITIONS: u32 = 1 << 16;
 
@@ -33,25 +33,25 @@ thread_local! {
     static UNASKED: Cell<u32> = const { Cell::new(POSITIONS) };
 }
 
-/// What unwinds out of spade, which has no other way to end early, once nobody waits for it.
+/// What unwinds out of spade, which has no other way to end early, once the work is canceled.
 struct Unwound;
 
-/// Work with triangulations: an error once nobody waits for it.
+/// Work with triangulations: an error once they are canceled.
 pub(super) fn interruptible<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
     // What was half done is dropped.
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|held: Box<dyn Any + Send>| match held.is::<Unwound>() {
-        true => Err(Error::Stopped),
+        true => Err(Error::Canceled),
         false => resume_unwind(held),
     })
 }
 
-/// Unwinds once nobody waits, without a word of the panic hook.
+/// Unwinds once the work is canceled, without a word of the panic hook.
 fn pass_position() {
     let left = UNASKED.get() - 1;
     UNASKED.set(if left == 0 { POSITIONS } else { left });
     if left == 0 {
-        effort::pass(POSITIONS as usize);
-        if effort::is_stopped() {
+        budget::poll(POSITIONS as usize);
+        if budget::is_canceled() {
             resume_unwind(Box::new(Unwound));
         }
     }
@@ -100,12 +100,12 @@ pub(super) fn scale_for(largest: f64) -> f64 {
     if largest > 0.0 { (-largest.log2().floor()).exp2() } else { 1.0 }
 }
 
-/// Triangulation of distinct scaled points; vertex k is point k. An error where nobody waits for it.
+/// Triangulation of distinct scaled points; vertex k is point k. An error where the work is canceled.
 pub(super) fn constrained(points: &[Vector2<f64>], edges: &[[usize; 2]]) -> Result<Cdt> {
-    if effort::is_stopped() {
-        return Err(Error::Stopped);
+    if budget::is_canceled() {
+        return Err(Error::Canceled);
     }
-    effort::spend(EDGES_OF_TRIANGLE * points.len());
+    budget::charge(EDGES_OF_TRIANGLE * points.len());
     let vertices = points.iter().map(|p| Vertex::from(Point2::new(p.x, p.y))).collect();
     let mut refused = None;
     let cdt = Cdt::try_bulk_load_cdt(vertices, edges.to_vec(), |edge| refused = Some(edge))

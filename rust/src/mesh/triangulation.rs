@@ -7,7 +7,7 @@ use spade::{AngleLimit, RefinementParameters, RefinementResult, Triangulation};
 
 use super::delaunay::{self, Cdt};
 use super::{EDGES_OF_TRIANGLE, MOST_TRIANGLES, PlaneMesh};
-use crate::effort;
+use crate::budget;
 use crate::error::{Error, Result};
 use crate::geometry::rings::PlaneRings;
 use crate::geometry::rings::predicates::{by_x_then_y, lies_on};
@@ -110,7 +110,7 @@ fn refine(
     for _ in 0..MOST_ROUNDS {
         let before = cdt.num_vertices();
         let result = cdt.refine(parameters.clone());
-        effort::spend(EDGES_OF_TRIANGLE * (cdt.num_vertices() - before));
+        budget::charge(EDGES_OF_TRIANGLE * (cdt.num_vertices() - before));
         let inside = delaunay::inside_faces(cdt);
         if only_inside && !is_outside_of(&result, &inside) {
             return Ok(false);

@@ -208,7 +208,7 @@ impl<'a> ActiveSet<'a> {
     pub(super) fn linearize_statistically(&mut self, pose: &Pose, increment: &Normal) {
         let Some(root) = increment.covariance.cholesky().map(|root| root.unpack()) else { return };
         let points: [Tangent; 6] = std::array::from_fn(|axis| root.column(axis) * SIGMA_POINTS);
-        let poses = points.map(|point| [point, -point].map(|point| pose.moved(&point)));
+        let poses = points.map(|point| [point, -point].map(|point| pose.retract(&point)));
         let Some(inverse) = root.try_inverse() else { return };
         for sample in &mut self.active {
             let mut margins = [[0.0; 2]; 6];

@@ -8,7 +8,7 @@ use super::label_inference::{LabelInference, MAX_DROP, PoseState};
 use super::label_model::{COARSE_SIGMA, FINEST_SIGMA, LabelModel, NoiseLevels, residual_sigma, subsample_stride};
 use super::margin::SampledRegion;
 use super::posterior::{EQUIVALENT_DEVIANCE, ModeEvidence, Posterior, mixture_moments, wrong_fractions};
-use crate::effort;
+use crate::budget;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::math::gaussian::{Gaussian, Normal};
 
@@ -69,7 +69,7 @@ pub fn fit_coarse(regions: &[SampledRegion], prior: &impl Fn(&Pose) -> Gaussian,
             let PoseState { pose, log_evidence, increment, .. } = state;
             return Some(CoarseFit { pose, log_evidence, increment, models: inference.samples.models });
         }
-        label = if effort::is_spent() { COARSE_SIGMA } else { (label * COARSE_RATIO).max(COARSE_SIGMA) };
+        label = if budget::is_exhausted() { COARSE_SIGMA } else { (label * COARSE_RATIO).max(COARSE_SIGMA) };
     }
 }
 
@@ -129,7 +129,7 @@ fn advance<F: Fn(&Pose) -> Gaussian>(
     next: impl Fn(&Track<F>) -> Option<NoiseLevels>,
 ) {
     tracks.retain_mut(|track| {
-        let is_done = effort::is_spent() && track.best.is_some();
+        let is_done = budget::is_exhausted() && track.best.is_some();
         is_done
             || next(track).is_none_or(|noise| match track.run_at(noise) {
                 Some(()) => visited.insert(&track.state, noise),
@@ -284,7 +284,7 @@ impl PoseState {
 
     /// Whether another one is the same up to chance.
     fn is_same(&self, other: &Self) -> bool {
-        let increment = self.pose.increment_to(&other.pose);
+        let increment = self.pose.local_coordinates(&other.pose);
         let root = (self.increment.covariance + other.increment.covariance).cholesky();
         (self.log_evidence - other.log_evidence).abs() < SAME_EVIDENCE
             && root.is_some_and(|root| increment.dot(&root.solve(&increment)) < SAME_STATE)

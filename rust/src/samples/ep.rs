@@ -10,7 +10,7 @@ use super::margin::{EDGES_PER_PROJECTION, SampledRegion};
 use super::probit_site::LabelSite;
 use super::quadrature::EDGES_PER_LABEL;
 use super::segment::{ContourSegment, DILATED, INCREMENT, STATES, StateMoments};
-use crate::effort;
+use crate::budget;
 use crate::math::gaussian::{Gaussian, Normal};
 
 /// Sweeps over all sites at most.
@@ -223,8 +223,8 @@ pub fn run_ep_independent<S: AsMut<LabelSite> + AsRef<LabelSite>>(
 fn run_sweeps(start: Normal, labels: usize, mut sweep: impl FnMut(Normal) -> Option<Normal>) -> Option<f64> {
     let (mut increment, mut shift) = (start, f64::INFINITY);
     for _ in 0..MAX_SWEEPS {
-        effort::spend(EDGES_PER_SWEEP * labels);
-        if effort::is_stopped() {
+        budget::charge(EDGES_PER_SWEEP * labels);
+        if budget::is_canceled() {
             return None;
         }
         let before = increment.mean;

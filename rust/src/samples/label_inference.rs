@@ -7,8 +7,8 @@ use super::active_set::ActiveSet;
 use super::ep::{EpPosterior, run_ep, run_ep_independent};
 use super::label_model::{LabelModel, NoiseLevels, log_likelihood, subsample_stride};
 use super::margin::SampledRegion;
+use crate::budget;
 use crate::contour::fit::size;
-use crate::effort;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::math::gaussian::{Gaussian, Normal};
 
@@ -74,17 +74,17 @@ impl<'a, F: Fn(&Pose) -> Gaussian> LabelInference<'a, F> {
         rounds: usize,
         statistically: bool,
     ) -> Option<PoseState> {
-        if effort::is_stopped() {
+        if budget::is_canceled() {
             return None;
         }
         let is_first = self.samples.active.is_empty();
         self.samples.select(&state.pose, &state.increment, noise);
         let (mut last_mean, mut damping) = (Tangent::zeros(), 1.0);
         for round in 0..rounds {
-            if effort::is_stopped() {
+            if budget::is_canceled() {
                 return None;
             }
-            if round > 0 && effort::is_spent() {
+            if round > 0 && budget::is_exhausted() {
                 break;
             }
             if statistically {
@@ -106,7 +106,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> LabelInference<'a, F> {
             let squared_sigmas = increment.mean.dot(&information.solve(&increment.mean));
             let step = clamped(&(increment.mean * damping), &state.pose);
             let pose = self.step(&state.pose, &step, squared_sigmas, noise.label);
-            self.samples.retract(&state.pose.increment_to(&pose));
+            self.samples.retract(&state.pose.local_coordinates(&pose));
             let log_evidence = log_evidence + self.samples.inactive_log_probability();
             state = PoseState { pose, increment, log_evidence, has_converged };
             if squared_sigmas < CONVERGED_SIGMAS * CONVERGED_SIGMAS {
@@ -145,13 +145,13 @@ impl<'a, F: Fn(&Pose) -> Gaussian> LabelInference<'a, F> {
     /// drops by little, or not made.
     fn step(&self, from: &Pose, step: &Tangent, squared_sigmas: f64, label_sigma: f64) -> Pose {
         if squared_sigmas < 1.0 {
-            return from.moved(step);
+            return from.retract(step);
         }
         let (regions, stride) = (self.samples.regions, subsample_stride(self.samples.regions));
         let log_posterior =
             |pose: &Pose| log_likelihood(regions, pose, label_sigma, stride) + (self.prior)(pose).offset;
         let least = log_posterior(from) - MAX_DROP;
-        let poses = (0..MAX_HALVINGS).map(|halving| from.moved(&(step * DAMPING.powi(halving as i32))));
+        let poses = (0..MAX_HALVINGS).map(|halving| from.retract(&(step * DAMPING.powi(halving as i32))));
         poses.into_iter().find(|pose| log_posterior(pose) >= least).unwrap_or(*from)
     }
 }
@@ -161,7 +161,7 @@ fn start_prior(start: &Pose, pose: &Pose) -> Gaussian {
     let distance = start.translation.norm();
     let [rotation, translation] = [START_SIGMA, START_SIGMA * distance];
     let sigmas = Vector6::new(rotation, rotation, rotation, translation, translation, translation);
-    Gaussian::from_sigmas(&pose.increment_to(start), &sigmas)
+    Gaussian::from_sigmas(&pose.local_coordinates(start), &sigmas)
 }
 
 /// An increment no longer than the longest step.

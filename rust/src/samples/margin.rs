@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use nalgebra::{Matrix6, Rotation3, Vector2, Vector3, Vector6};
 
 use super::signed_distance::SignedDistanceField;
-use crate::effort;
+use crate::budget;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::pose::Pose;
 use crate::region::WorldRegion;
@@ -168,7 +168,7 @@ impl SampledRegion {
 
     /// The projection of the sample with this number at a pose about the problem's origin.
     pub fn project(&self, pose: &Pose, number: usize) -> ProjectedSample {
-        effort::spend(EDGES_PER_PROJECTION);
+        budget::charge(EDGES_PER_PROJECTION);
         let (sample, inside) = &self.samples[number];
         self.projected(&(self.rotation * pose.transform(sample)), *inside, &self.rotation.inverse())
     }

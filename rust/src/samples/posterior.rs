@@ -57,7 +57,7 @@ impl Posterior {
 
     /// Squared Mahalanobis distance to another mode, by the sum of both covariances; infinite where that is singular.
     pub fn squared_sigmas_to(&self, other: &Self) -> f64 {
-        let increment = self.pose.increment_to(&other.pose);
+        let increment = self.pose.local_coordinates(&other.pose);
         let root = (self.covariance + other.covariance).cholesky();
         root.map_or(f64::INFINITY, |root| increment.dot(&root.solve(&increment)))
     }
@@ -132,12 +132,13 @@ pub(super) fn wrong_fractions(
 
 /// Mean and covariance of a mixture, each component with its weight, about a pose that is near to all.
 pub(super) fn mixture_moments(about: &Pose, components: &[(f64, Pose, Matrix6<f64>)]) -> (Pose, Matrix6<f64>) {
-    let increments: Vec<_> = components.iter().map(|(weight, pose, _)| (*weight, about.increment_to(pose))).collect();
+    let increments: Vec<_> =
+        components.iter().map(|(weight, pose, _)| (*weight, about.local_coordinates(pose))).collect();
     let mean: Tangent = increments.iter().map(|(weight, increment)| increment * *weight).sum();
     let spread = |(weight, increment): &(f64, Tangent), covariance: &Matrix6<f64>| {
         (covariance + (increment - mean) * (increment - mean).transpose()) * *weight
     };
     let parts = increments.iter().zip(components);
     let covariance = parts.map(|(increment, (.., covariance))| spread(increment, covariance)).sum();
-    (about.moved(&mean), covariance)
+    (about.retract(&mean), covariance)
 }

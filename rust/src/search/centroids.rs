@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use super::directions::seen_direction;
 use super::p3p::three_point_poses;
 use super::poses::sorted;
-use crate::effort;
+use crate::budget;
 use crate::geometry::pose::Pose;
 use crate::moments::plane::planar_moments;
 use crate::problem::Problem;
@@ -30,7 +30,7 @@ pub fn centroid_poses(problem: &Problem) -> Vec<Pose> {
     let sights = far_apart(sights.collect(), MOST_REGIONS);
     let count = sights.len();
     let triples = (0..count).flat_map(|c| (0..c).flat_map(move |b| (0..b).map(move |a| [a, b, c])));
-    effort::spend(EDGES_OF_TRIPLE * count.pow(3) / 6);
+    budget::charge(EDGES_OF_TRIPLE * count.pow(3) / 6);
     let area = |[a, b, c]: [usize; 3]| (sights[b].0 - sights[a].0).cross(&(sights[c].0 - sights[a].0)).norm();
     let largest = sorted(triples.map(|triple| (-area(triple), triple)).collect());
     let poses = |(_, triple): (f64, [usize; 3])| {
@@ -59,7 +59,7 @@ fn far_apart(sights: Vec<Sight>, most: usize) -> Vec<Sight> {
             let other = (place - sights[farthest].0).norm_squared();
             *square = if is_first { other } else { square.min(other) };
         }
-        effort::spend(sights.len());
+        budget::charge(sights.len());
     }
     taken.sort_unstable();
     taken.dedup();

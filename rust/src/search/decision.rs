@@ -34,7 +34,7 @@ fn moment_log_odds(contours: &[Contour], place: &ContourFit, minimum: &ContourFi
     if is_mostly_clean(place) {
         return 0.0;
     }
-    let deviations = mahalanobis(&minimum.pose.increment_to(&place.pose), &covariance(contours, minimum));
+    let deviations = mahalanobis(&minimum.pose.local_coordinates(&place.pose), &covariance(contours, minimum));
     contradiction(deviations * deviations)
 }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::closed_form::{closed_form, conjugate, facing};
 use super::corners::triangle_poses;
 use super::poses::{distinct, sorted};
-use crate::effort;
+use crate::budget;
 use crate::equations::least_squares::{TerminationCriteria, minimize};
 use crate::equations::residual::{self, RegionEquations};
 use crate::equations::system::Weighting;
@@ -118,14 +118,14 @@ fn region_poses(
 pub struct SingleRegionCache(BTreeMap<usize, Vec<(Pose, Pose)>>);
 
 impl SingleRegionCache {
-    /// The minimum of one region's unweighted equations near a start; `None` once the effort is spent.
+    /// The minimum of one region's unweighted equations near a start; `None` once the budget is exhausted.
     fn solved(&mut self, problem: &Problem, index: usize, start: &Pose) -> Option<Pose> {
         let followed = self.0.get(&index).into_iter().flatten();
         if let Some((_, found)) = followed.into_iter().find(|(from, _)| from == start) {
             return Some(*found);
         }
-        // Each start costs a look at least: once the effort is spent, what was found has to do.
-        if effort::is_spent() && !self.0.is_empty() {
+        // Each start costs a look at least: once the budget is exhausted, what was found has to do.
+        if budget::is_exhausted() && !self.0.is_empty() {
             return None;
         }
         let found = minimize(&problem.coarse()[index..=index], start, Weighting::Uniform, CANDIDATE).pose;
@@ -211,10 +211,10 @@ fn costs_of(regions: &[RegionEquations], poses: Vec<Pose>) -> Vec<(f64, Pose)> {
     poses.into_iter().map(|pose| (cost(regions, &pose).min(f64::MAX), pose)).collect()
 }
 
-/// Sum of the squared unweighted residuals; infinite where a region is out of view, and the largest number where no effort is
-/// left to look.
+/// Sum of the squared unweighted residuals; infinite where a region is out of view, and the largest number where the budget is
+/// exhausted.
 fn cost(regions: &[RegionEquations], pose: &Pose) -> f64 {
-    if effort::is_spent() {
+    if budget::is_exhausted() {
         return f64::MAX;
     }
     residual::cost(regions, pose, Weighting::Uniform).unwrap_or(f64::INFINITY)

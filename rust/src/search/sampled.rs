@@ -8,9 +8,9 @@ use super::moments::{SingleRegionCache, single_region_poses};
 use super::outlined::{outlines, outlines_beside_samples};
 use super::poses::{apart, distinct};
 use super::symmetry::turned_about;
+use crate::budget;
 use crate::contour::fit::AMBIGUITY;
 use crate::contour::readings::Contour;
-use crate::effort;
 use crate::geometry::pose::{PARAMETERS, Pose};
 use crate::math::gaussian::Gaussian;
 use crate::prior::Prior;
@@ -119,7 +119,7 @@ impl Problem {
         let starts = distinct(scored, MOST_STARTS, CONVERGENCE_RADIUS, |pose| pose);
         let least = starts.first().map_or(0.0, |(cost, _)| *cost);
         let starts = starts.into_iter().take_while(|(cost, _)| *cost - least <= 2.0 * MAX_DEFICIT);
-        let leading = starts.take_while(|_| !effort::is_spent());
+        let leading = starts.take_while(|_| !budget::is_exhausted());
         let is_new = |fit: &CoarseFit| found.iter().all(|other| apart(&other.pose, &fit.pose, SAME_PLACE));
         let all: Vec<CoarseFit> =
             leading.filter_map(|(_, start)| fit_coarse(regions, others, &start)).filter(is_new).collect();

@@ -10,8 +10,8 @@ use super::hypothesis::{Hypothesis, solution};
 use super::ranking::{likely, stated};
 use super::solution::Solution;
 use super::warning::Warning;
+use crate::budget;
 use crate::contour::fit::ContourFit;
-use crate::effort;
 use crate::equations::information::validated_covariance;
 use crate::equations::least_squares::{Minimum, Termination};
 use crate::error::{Error, Result};
@@ -71,7 +71,7 @@ impl Problem {
     pub fn estimate_with(&self, options: &Options) -> Result<Estimate> {
         let search = self.search(options);
         let solved = || search.candidates().iter().map(|candidate| search.solve_from(candidate)).collect();
-        let (minima, _) = effort::bounded(self.most_work(), solved);
+        let (minima, _) = budget::limited(self.most_work(), solved);
         search.assess(minima)
     }
 }
@@ -84,7 +84,7 @@ impl Search {
     pub fn assess(self, minima: Vec<Minimum>) -> Result<Estimate> {
         let evaluations = minima.iter().map(|minimum| minimum.evaluations).sum();
         let (Hypotheses { problem, hypotheses, samples_unused }, exhausted) =
-            effort::bounded(self.problem.most_work(), || self.all_hypotheses(minima));
+            budget::limited(self.problem.most_work(), || self.all_hypotheses(minima));
         let problem = &*problem;
         let hypotheses = stated(likely(problem, hypotheses, &self.options.prior), &self.options.prior);
         let (best, _) = hypotheses.first().ok_or(Error::NoPose)?;

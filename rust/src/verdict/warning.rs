@@ -171,7 +171,7 @@ pub struct RelativePose {
 impl RelativePose {
     /// From a pose to another: the turn in the camera's axes, and how far the camera goes.
     pub(super) fn between(from: &Pose, to: &Pose) -> Self {
-        let increment = from.increment_to(to);
+        let increment = from.local_coordinates(to);
         let (turn, shift) = (increment.fixed_rows::<3>(0).into_owned(), increment.fixed_rows::<3>(3).norm());
         Self { degrees: turn.norm().to_degrees(), axis: turn.try_normalize(0.0).unwrap_or_else(Vector3::zeros), shift }
     }

@@ -19,7 +19,7 @@ Uses = dict[str, set[str]]
 
 CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
     ("math",),
-    ("effort", "error"),
+    ("budget", "error"),
     ("batch", "geometry", "moments"),
     ("mesh", "prior", "region"),
     ("options",),

@@ -175,7 +175,7 @@ fn students_density_integrates_to_one_and_has_its_height_in_the_middle() {
     // At a deviation along any direction it is (1 + 1/4)^-5 of that.
     let root = covariance.cholesky().unwrap().l();
     for axis in 0..6 {
-        let value = density.at(&pose.moved(&root.column(axis).into_owned())).value;
+        let value = density.at(&pose.retract(&root.column(axis).into_owned())).value;
         assert!((value - height + 5.0 * 1.25_f64.ln()).abs() < 1e-6);
     }
     // Of the heavier tails of two degrees of freedom: (2 pi)^-3 Gamma(4) / Gamma(1) (1 + q / 2)^-4.
@@ -184,7 +184,7 @@ fn students_density_integrates_to_one_and_has_its_height_in_the_middle() {
         let squares = -2.0 * (1.0 - random.uniform(0.0, 1.0)).ln();
         let drawn = normals / (squares / 2.0).sqrt();
         let tails = 6.0 / TAU.powi(3) * (1.0 + 0.5 * drawn.norm_squared()).powi(-4);
-        let value = density.at(&pose.moved(&(root * drawn))).value;
+        let value = density.at(&pose.retract(&(root * drawn))).value;
         value.exp() * covariance.determinant().sqrt() / tails
     };
     let weights: Vec<f64> = (0..40_000).map(weight).collect();
@@ -212,14 +212,14 @@ fn the_slope_is_the_derivative_by_a_left_increment() {
     });
     for (density, middle) in densities.iter().chain(&students) {
         for (angle, length) in [(0.0, 0.0), (0.02, 0.05), (0.5, 1.0), (2.0, 8.0)] {
-            let pose = middle.moved(&random.tangent(angle, length));
+            let pose = middle.retract(&random.tangent(angle, length));
             let found = density.at(&pose);
             if found.slope.amax() < 1e-6 {
                 assert!(angle == 0.0, "none in the middle alone");
                 continue;
             }
             let slope = OMatrix::<f64, Dyn, U6>::from_rows(&[found.slope.transpose()]);
-            let value = |by: &Tangent| DVector::from_element(1, density.at(&pose.moved(by)).value);
+            let value = |by: &Tangent| DVector::from_element(1, density.at(&pose.retract(by)).value);
             assert_jacobian(&slope, value, &Tangent::zeros(), 1.0, 1e-6);
         }
     }
@@ -232,7 +232,7 @@ fn the_information_is_that_of_the_covariance_and_no_more_far_off() {
     let error = |information: Matrix6<f64>, share: f64| (information * covariance - Matrix6::identity() * share).amax();
     assert!(error(density.at(&pose).information, 1.0) < 1e-9);
     let six = covariance.cholesky().unwrap().l().column(2) * 6.0;
-    assert!(error(density.at(&pose.moved(&six)).information, 10.0 / 40.0) < 1e-6);
+    assert!(error(density.at(&pose.retract(&six)).information, 10.0 / 40.0) < 1e-6);
 }
 
 const DRAWS: usize = 20_000;
@@ -313,7 +313,7 @@ fn draws_about_a_pose_are_those_of_all_that_is_known() {
     let base = prior.initial().unwrap().0;
     let factor = prior.gaussian(&base);
     let covariance = factor.information.try_inverse().unwrap();
-    let (mean, squares) = moments(&drawn.iter().map(|pose| base.increment_to(pose)).collect::<Vec<_>>());
+    let (mean, squares) = moments(&drawn.iter().map(|pose| base.local_coordinates(pose)).collect::<Vec<_>>());
     let root = covariance.cholesky().unwrap().l();
     let off = root.solve_lower_triangular(&(mean - covariance * factor.information_vector)).unwrap();
     assert!(off.amax() < ERRORS / (DRAWS as f64).sqrt(), "{off}");
@@ -325,7 +325,7 @@ fn draws_about_a_pose_are_those_of_all_that_is_known() {
 fn draws_about_a_roughly_known_pose_are_students() {
     let (density, pose, covariance) = student(2e-3, 0.05);
     let information = covariance.try_inverse().unwrap();
-    let ways: Vec<_> = draws(density, 24).iter().map(|drawn| pose.increment_to(drawn)).collect();
+    let ways: Vec<_> = draws(density, 24).iter().map(|drawn| pose.local_coordinates(drawn)).collect();
     // Squares over the covariance are six times those of Fisher's distribution of 6 and 4 degrees of freedom.
     for (share, most) in [(0.25, 3.3673), (0.5, 6.3730), (0.9, 24.0588)] {
         let within = ways.iter().filter(|way| way.dot(&(information * **way)) < most).count() as f64 / DRAWS as f64;
@@ -342,7 +342,7 @@ fn draws_about_a_roughly_known_pose_are_students() {
 fn integrals_of_students_density_and_a_likelihood_are_those_of_draws() {
     let (density, pose, covariance) = student(2e-3, 0.05);
     let root = covariance.cholesky().unwrap().l();
-    let ways: Vec<_> = draws(density.clone(), 25).iter().map(|drawn| pose.increment_to(drawn)).collect();
+    let ways: Vec<_> = draws(density.clone(), 25).iter().map(|drawn| pose.local_coordinates(drawn)).collect();
     for (narrow, off) in [(0.0, 0.0), (0.3, 0.0), (0.5, 0.4), (2.0, 0.5), (1.0, 1.0)] {
         // The likelihood's exponent about its own middle; both together are highest where their slopes cancel.
         let middle = root * Vector6::repeat(off);
@@ -351,9 +351,9 @@ fn integrals_of_students_density_and_a_likelihood_are_those_of_draws() {
         let exponent = |way: &Vector6<f64>| -0.5 * (way - middle).dot(&(curvature * (way - middle)));
         // By symmetry on the way to the middle.
         let along = |t: f64| root * Vector6::repeat(off * t);
-        let value = |t: f64| density.at(&pose.moved(&along(t))).value + exponent(&along(t));
+        let value = |t: f64| density.at(&pose.retract(&along(t))).value + exponent(&along(t));
         let best = (0..=4000).map(|k| f64::from(k) / 4000.0).max_by(|a, b| value(*a).total_cmp(&value(*b))).unwrap();
-        let at = pose.moved(&along(best));
+        let at = pose.retract(&along(best));
         let squares = 6.0 * (off * best).powi(2);
         let pull = 10.0 / (4.0 + squares);
         let white = inverse * along(best);
@@ -377,7 +377,8 @@ fn integrals_stay_bounded_where_a_likelihood_is_flat_beside_the_middle() {
         let white = Vector6::new(off, 0.0, 0.0, 0.0, 0.0, 0.0);
         let pull = 10.0 / (4.0 + off * off);
         let own = (Matrix6::identity() - white * white.transpose() * (2.0 / (4.0 + off * off))) * pull;
-        let found = density.log_integral(&pose.moved(&(root * white)), &(inverse.transpose() * own * inverse)).unwrap();
+        let found =
+            density.log_integral(&pose.retract(&(root * white)), &(inverse.transpose() * own * inverse)).unwrap();
         assert!(found < 1.0, "{off}: {found}");
     }
 }

@@ -13,7 +13,7 @@ use regionpose::internals::alignment::pictures::{DIRECTIONS, LogRatios};
 use regionpose::internals::alignment::posterior::{Mode, Posterior, Weight};
 use regionpose::internals::alignment::projection::Projection;
 use regionpose::internals::alignment::search::{SearchOptions, SearchProgress, search, search_with_progress};
-use regionpose::internals::effort;
+use regionpose::internals::budget;
 use regionpose::internals::geometry::pose::Tangent;
 use regionpose::{Error, Pose, Prior};
 
@@ -183,13 +183,13 @@ fn found(frames: &[Frame], starts: &[Pose], draws: usize) -> Vec<Mode> {
 
 /// How far the edges are from where a pose has them, pixels: a root mean square.
 fn pixels_off(frame: &Frame, pose: &Pose) -> f64 {
-    let increment = truth().increment_to(pose);
+    let increment = truth().local_coordinates(pose);
     let (squares, _) = frame.seen_from(&truth(), FINEST).square_moves(&truth());
     increment.dot(&(squares * increment)).sqrt()
 }
 
 fn deviations(mode: &Mode) -> f64 {
-    let off = mode.pose.increment_to(&truth());
+    let off = mode.pose.local_coordinates(&truth());
     off.dot(&mode.covariance.cholesky().unwrap().solve(&off)).sqrt()
 }
 
@@ -227,7 +227,7 @@ fn the_pose_is_found_from_no_heading() {
         assert!(modes.len() <= OPTIONS.kept[FINEST - 1]);
         for (number, mode) in modes.iter().enumerate() {
             let apart = modes[..number].iter().map(|other| {
-                let way = other.pose.increment_to(&mode.pose);
+                let way = other.pose.local_coordinates(&mode.pose);
                 let (squares, _) = frame.seen_from(&other.pose, FINEST).square_moves(&other.pose);
                 way.dot(&(squares * way)).sqrt() / SPREADS_PX[FINEST]
             });
@@ -257,7 +257,7 @@ fn another_place_tells_more_and_the_same_one_again_does_not() {
 #[test]
 fn starts_alone_lead_to_the_pose_and_none_lead_nowhere() {
     let frames = &FRAMES[..1];
-    let start = truth().moved(&Vector6::new(0.02, -0.02, 0.01, 0.05, 0.05, -0.05));
+    let start = truth().retract(&Vector6::new(0.02, -0.02, 0.01, 0.05, 0.05, -0.05));
     let modes = found(frames, &[start], 0);
     assert!(modes.len() == 1 && pixels_off(&frames[0], &modes[0].pose) < 1.5);
     // From one place twice there is one maximum.
@@ -295,12 +295,12 @@ fn a_search_for_which_nobody_waits_ends_soon() {
     let work = |most: usize| {
         let asked = Arc::new(AtomicUsize::new(0));
         let counted = std::cell::Cell::new(0);
-        let stop: effort::Stop = {
+        let stop: budget::Cancel = {
             let asked = asked.clone();
             Arc::new(move || asked.fetch_add(1, Ordering::Relaxed) >= most)
         };
-        let answer = effort::interruptible(stop, || {
-            let (answer, count) = effort::counted(|| search(&FRAMES[..1], &known(), &[], &options).unwrap());
+        let answer = budget::cancellable(stop, || {
+            let (answer, count) = budget::measured(|| search(&FRAMES[..1], &known(), &[], &options).unwrap());
             counted.set(count);
             answer
         });
@@ -342,7 +342,7 @@ fn few_edges_or_none_leave_what_was_known() {
 #[test]
 fn slopes_of_sums_are_their_derivatives() {
     let frame = &FRAMES[0];
-    let pose = truth().moved(&Vector6::new(0.01, 0.02, -0.01, 0.03, 0.1, -0.05));
+    let pose = truth().retract(&Vector6::new(0.01, 0.02, -0.01, 0.03, 0.1, -0.05));
     for spread in 0..SPREADS {
         let seen = frame.seen_from(&pose, spread);
         let (sum, count) = frame.log_ratio(&pose, spread);
@@ -351,8 +351,8 @@ fn slopes_of_sums_are_their_derivatives() {
         assert_eq!(seen.square_moves(&pose).1, count);
         assert!((seen.log_ratio(&pose, 0.25).0 - (sum - 0.25 * count as f64)).abs() < 1e-3 * count as f64);
         let (_, slope) = seen.log_ratio(&pose, 0.0);
-        let value = |by: &Tangent| seen.log_ratio(&pose.moved(by), 0.0).0;
-        let count = |by: &Tangent| seen.square_moves(&pose.moved(by)).1;
+        let value = |by: &Tangent| seen.log_ratio(&pose.retract(by), 0.0).0;
+        let count = |by: &Tangent| seen.square_moves(&pose.retract(by)).1;
         for axis in 0..6 {
             // Edges that come into view are steps of the sum.
             let ways =
@@ -378,7 +378,7 @@ fn moves_of_edges_are_those_of_their_pixels() {
     };
     for way in 0..6 {
         let increment = Vector6::ith(way, 2e-3);
-        let (after, _) = seen.pixels(&truth().moved(&increment));
+        let (after, _) = seen.pixels(&truth().retract(&increment));
         let moves: Vec<f64> = before
             .iter()
             .zip(&after)
@@ -397,7 +397,7 @@ fn edges_without_weight_leave_the_prior() {
     let density = known();
     for weight in [Weight::Share(0.0), Weight::Lead { offset: -0.1, scale: 0.0 }] {
         let posterior = Posterior { frames: &FRAMES[..1], weights: vec![weight], spread: FINEST, density: &density };
-        let start = truth().moved(&Vector6::new(0.03, 0.0, 0.02, 0.2, 0.1, 0.0));
+        let start = truth().retract(&Vector6::new(0.03, 0.0, 0.02, 0.2, 0.1, 0.0));
         assert!((posterior.log_density(&start) - density.at(&start).value).abs() < 1e-9);
         let (pose, value) = posterior.maximum(&start);
         assert!((value - density.at(&pose).value).abs() < 1e-9);
