@@ -141,7 +141,7 @@ fn main() {
         let scene = Scene::new(&mut random);
         let problem = problem(&scene);
         let pose = scene.pose.retract(&nalgebra::Vector6::repeat(1e-3));
-        let origin = scene.worlds.iter().map(|world| world.frame().origin).sum::<Vector3<f64>>() / REGIONS as f64;
+        let origin = scene.worlds.iter().map(|world| world.frame().origin()).sum::<Vector3<f64>>() / REGIONS as f64;
         let centered = Pose::new(pose.rotation, pose.transform(&origin));
         uniform_cost(problem.regions(), &centered);
         uniform_equations(problem.regions(), &centered);

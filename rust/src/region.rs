@@ -8,11 +8,10 @@ mod surface;
 
 use std::sync::Arc;
 
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 
 use crate::error::{Error, Result};
 use crate::geometry::edge_field::EdgeField;
-use crate::geometry::pose::check_rotation;
 use crate::geometry::rings::PlaneRings;
 use crate::moments::shape::NormalizedShape;
 use derived::Derived;
@@ -142,21 +141,11 @@ impl WorldRegion {
         let frame = PlaneFrame::fit(&rings.concat())?;
         check_planar(rings, &frame)?;
         let flat = rings.iter().map(|ring| ring.iter().map(|x| frame.to_plane(x)).collect()).collect();
-        Ok(Self::on_plane(frame, PlaneRings::polygon(flat)?))
+        Ok(Self::from_outline(frame, PlaneRings::polygon(flat)?))
     }
 
     /// The planar region of rings given in a plane's coordinates.
-    ///
-    /// # Errors
-    /// An origin that is not finite, or axes that are no right-handed orthonormal ones to 1e-6.
-    pub fn from_outline(frame: PlaneFrame, outline: PlaneRings) -> Result<Self> {
-        check_finite("the plane's origin", &[frame.origin])?;
-        check_rotation("the matrix of the plane's axes", &Matrix3::from_columns(&frame.axes))?;
-        Ok(Self::on_plane(frame, outline))
-    }
-
-    /// The same on a plane whose axes are orthonormal.
-    pub(crate) fn on_plane(frame: PlaneFrame, outline: PlaneRings) -> Self {
+    pub fn from_outline(frame: PlaneFrame, outline: PlaneRings) -> Self {
         Self { frame, outline, surface: None, viewpoint: None, samples: None, derived: Arc::default(), is_line: false }
     }
 
@@ -175,7 +164,7 @@ impl WorldRegion {
         let outline = PlaneRings::polygon(largest_first(flat))?;
         let surface = Surface { vertices: vertices.to_vec(), triangles: triangles.to_vec(), rings };
         let surface = (height_range(vertices, &frame) > f64::EPSILON * 64.0 * extent(vertices)).then_some(surface);
-        Ok(Self { surface, ..Self::on_plane(frame, outline) })
+        Ok(Self { surface, ..Self::from_outline(frame, outline) })
     }
 
     /// The same region of which a viewpoint, such as the scanner's place, lies on the side that the camera sees.

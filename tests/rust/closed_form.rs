@@ -141,7 +141,7 @@ proptest! {
         prop_assert_eq!(poses.len(), 2);
         let ray = chart.rotation.inverse() * Vector3::z();
         for (pose, side) in poses.iter().zip([-1.0, 1.0]) {
-            let normal = pose.rotation * world.frame().axes[2];
+            let normal = pose.rotation * world.frame().axes()[2];
             prop_assert!((normal - ray * side).norm() < 1e-12);
             let center = world.frame().to_world(&centroid(&world.outline().rings()[0]));
             let place = pose.transform(&center);
@@ -165,7 +165,7 @@ proptest! {
         let ray = pose.transform(&center).normalize();
         prop_assert!((other.transform(&center) - pose.transform(&center)).norm() < 1e-12);
         // Across the ray both show the plane's axes alike; along it one goes away where the other comes near.
-        for axis in &world.frame().axes[..2] {
+        for axis in &world.frame().axes()[..2] {
             let (one, two) = (pose.rotation * axis, other.rotation * axis);
             prop_assert!((one + two - (one - ray * ray.dot(&one)) * 2.0).norm() < 1e-12);
         }
@@ -178,7 +178,7 @@ proptest! {
         let scene = Scene::random(&mut Random::new(seed), Layout::default());
         let (chart, outline) = Chart::of(&scene.observed[0].rings).unwrap();
         for pose in facing(&chart, &outline, &scene.worlds[0], &Vector3::zeros(), None) {
-            let axes = scene.worlds[0].frame().axes.map(|axis| chart.rotation * pose.rotation * axis);
+            let axes = scene.worlds[0].frame().axes().map(|axis| chart.rotation * pose.rotation * axis);
             prop_assert!((axes[1] + Vector3::y()).norm() < 1e-12);
             prop_assert!((axes[2].z.abs() - 1.0).abs() < 1e-12);
         }
@@ -202,7 +202,7 @@ fn turned_views(angle: f64) -> impl Iterator<Item = (Scene, Vector3<f64>)> {
 fn facing_solves(scene: &Scene, up: &Vector3<f64>, system: System) -> bool {
     let problem = scene.problem(system, Integration::Boundary);
     let (region, world) = (&problem.regions()[0], &scene.worlds[0]);
-    let starts = facing(region.chart(), region.outline(), world, &world.frame().origin, Some(up));
+    let starts = facing(region.chart(), region.outline(), world, world.frame().origin(), Some(up));
     let mut ends = starts.iter().map(|start| minimize(problem.regions(), start, Weighting::Uniform, PATIENT).pose);
     ends.any(|pose| pose.angle_to(&scene.pose) < SOLVED)
 }

@@ -87,7 +87,7 @@ fn outlines_that_end_short_of_the_corner_change_nothing() {
     let whole = problem(&scene.observed, &scene.worlds).creases()[0];
     let shrunk = |by: f64| -> Vec<WorldRegion> {
         let shrink = |world: &WorldRegion| {
-            let middle = world.frame().origin;
+            let middle = world.frame().origin();
             WorldRegion::from_rings(
                 &world
                     .rings()
@@ -112,7 +112,7 @@ fn what_is_hidden_apart_or_in_one_plane_is_no_crease() {
     let scene = scene(&mut random);
     // The faces of another box, the second carried away.
     let mut apart = scene.observed.clone();
-    let carried = scene.worlds[1].rings()[0].iter().map(|x| x + scene.worlds[0].frame().axes[2] * 0.2).collect();
+    let carried = scene.worlds[1].rings()[0].iter().map(|x| x + scene.worlds[0].frame().axes()[2] * 0.2).collect();
     apart[1] = rendered(&[carried], &scene.pose);
     assert!(problem(&apart, &scene.worlds).creases().is_empty());
     let mut hidden = scene.observed.clone();
@@ -133,7 +133,7 @@ fn what_is_hidden_apart_or_in_one_plane_is_no_crease() {
 fn scanned(random: &mut Random, world: &WorldRegion, up: &Vector3<f64>, below: f64, gap: f64) -> WorldRegion {
     let (frame, outline) = (world.frame().clone(), world.outline());
     let ([low, high], shift) = (<[_; 2]>::from(outline.bounds()), random.uniform(0.0, gap));
-    let along = frame.axes[..2].iter().position(|axis| axis.dot(up).abs() < 0.5).unwrap();
+    let along = frame.axes()[..2].iter().position(|axis| axis.dot(up).abs() < 0.5).unwrap();
     let steps = |axis: usize| if axis == along { 0.1 * gap } else { gap };
     let count = |axis: usize| ((high[axis] - low[axis] + 6.0 * gap) / steps(axis)) as usize;
     let mut places: Vec<Vector2<f64>> = Vec::new();

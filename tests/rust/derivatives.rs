@@ -96,8 +96,8 @@ fn one_sided(random: &mut Random, camera: &Pose, front: bool) -> Scene {
     let plane = camera.inverse().after(&seen_plane(random, &direction, distance, tilt, front));
     let shape = pierced_star(random, 9, 1.0);
     let axes = [0, 1, 2].map(|k| plane.rotation.matrix().column(k).into_owned());
-    let frame = PlaneFrame { origin: plane.translation, axes };
-    let world = WorldRegion::from_outline(frame, PlaneRings::polygon(shape.clone()).unwrap()).unwrap();
+    let frame = PlaneFrame::new(plane.translation, axes).unwrap();
+    let world = WorldRegion::from_outline(frame, PlaneRings::polygon(shape.clone()).unwrap());
     Scene { pose: *camera, observed: vec![rendered(&placed(&shape, &plane), camera)], worlds: vec![world] }
 }
 
@@ -212,8 +212,8 @@ fn cost_and_normal_equations_are_those_of_residual_and_jacobian() {
         let camera = random.pose(5.0);
         let scene = one_sided(&mut random, &camera, trial % 2 == 0);
         let pose = camera.retract(&random.tangent(0.05, 0.1));
-        let middle = scene.worlds[0].frame().origin;
-        let centered = Pose::new(pose.rotation, pose.transform(&middle));
+        let middle = scene.worlds[0].frame().origin();
+        let centered = Pose::new(pose.rotation, pose.transform(middle));
         for (system, weighting) in [System::Plane, System::Sphere].into_iter().flat_map(|s| WEIGHTINGS.map(|w| (s, w)))
         {
             let problem = scene.problem(system, Integration::Boundary);

@@ -110,7 +110,7 @@ fn the_contours_lead_back_from_a_turn_that_does_not_count_as_free() {
 fn a_place_in_a_regions_plane_or_no_place_gives_no_pose() {
     let scene = asymmetric(&mut Random::new(85), 1, 0.5);
     let frame = scene.worlds[0].frame();
-    assert!(found(&scene, &near(frame.origin + frame.axes[0] * 5.0)).is_empty());
+    assert!(found(&scene, &near(frame.origin() + frame.axes()[0] * 5.0)).is_empty());
     assert!(found(&scene, &Prior::default()).is_empty());
 }
 

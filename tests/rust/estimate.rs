@@ -10,7 +10,7 @@ use proptest::prelude::*;
 use regionpose::internals::equations::least_squares::{Termination, TerminationCriteria, minimize};
 use regionpose::internals::equations::system::Weighting;
 use regionpose::internals::geometry::rings::PlaneRings;
-use regionpose::internals::region::Pixels;
+use regionpose::internals::region::{Pixels, PlaneFrame};
 use regionpose::{
     Error, Estimate, FrameSigma, Integration, ObservedRegion, Options, Pose, Prior, Problem, Start, System, Warning,
     WorldRegion,
@@ -407,10 +407,11 @@ fn wild_scene(random: &mut Random) -> Option<(Vec<ObservedRegion>, Vec<WorldRegi
     }
     let mut worlds = rings.iter().map(|rings| WorldRegion::from_rings(rings).ok()).collect::<Option<Vec<_>>>()?;
     if random.index(4) == 0 {
-        let mut frame = worlds[0].frame().clone();
-        frame.origin[random.index(3)] = WILD[random.index(WILD.len())];
-        frame.axes[random.index(3)] *= WILD[random.index(WILD.len())];
-        worlds[0] = WorldRegion::from_outline(frame, PlaneRings::polygon(vec![regular(5, 1.0)]).unwrap()).ok()?;
+        let (mut origin, mut axes) = (*worlds[0].frame().origin(), *worlds[0].frame().axes());
+        origin[random.index(3)] = WILD[random.index(WILD.len())];
+        axes[random.index(3)] *= WILD[random.index(WILD.len())];
+        let outline = PlaneRings::polygon(vec![regular(5, 1.0)]).unwrap();
+        worlds[0] = WorldRegion::from_outline(PlaneFrame::new(origin, axes).ok()?, outline);
     }
     Some((observed, worlds))
 }

@@ -260,7 +260,7 @@ fn an_up_direction_or_a_side_that_no_pose_shows_is_warned_of() {
     let camera = scene.pose.inverse().translation;
     let mirrored = |world: &WorldRegion| {
         let frame = world.frame();
-        camera - frame.axes[2] * (2.0 * frame.height(&camera))
+        camera - frame.axes()[2] * (2.0 * frame.height(&camera))
     };
     scene.worlds[1] = scene.worlds[1].clone().seen_from(mirrored(&scene.worlds[1])).unwrap();
     let estimate = estimated(&scene, &Prior::default());

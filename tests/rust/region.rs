@@ -37,8 +37,8 @@ fn area(rings: &[Ring]) -> f64 {
 }
 
 fn is_right_handed(frame: &PlaneFrame) -> bool {
-    let [u, v, n] = frame.axes;
-    (u.cross(&v) - n).norm() < 1e-14 && [u, v, n].iter().all(|axis| (axis.norm() - 1.0).abs() < 1e-14)
+    let [u, v, n] = frame.axes();
+    (u.cross(v) - n).norm() < 1e-14 && [u, v, n].iter().all(|axis| (axis.norm() - 1.0).abs() < 1e-14)
 }
 
 proptest! {
@@ -98,7 +98,7 @@ proptest! {
         rings.iter_mut().flatten().for_each(|x| *x *= factor);
         rings[ring][vertex][axis] = wild[random.index(wild.len())];
         if let Ok(region) = WorldRegion::from_rings(&rings) {
-            prop_assert!(region.outline().area() > 0.0 && region.frame().axes.iter().flatten().all(|a| a.is_finite()));
+            prop_assert!(region.outline().area() > 0.0 && region.frame().axes().iter().flatten().all(|a| a.is_finite()));
         }
         let _ = WorldRegion::from_mesh(&rings.concat(), &[[0, 1, 2], [0, 2, 3]]);
     }
@@ -250,8 +250,8 @@ fn meshes_without_triangles_or_with_wrong_indices_are_refused() {
 fn a_plane_frame_has_its_origin_at_the_mean_of_the_points() {
     let points = placed(&[rectangle(3.0, 1.0)], &Random::new(2).pose(10.0)).concat();
     let frame = PlaneFrame::fit(&points).unwrap();
-    assert!((frame.origin - points.iter().sum::<Vector3<f64>>() / 4.0).norm() < ROUNDING && is_right_handed(&frame));
-    assert!((frame.axes[0].dot(&(points[1] - points[0])).abs() - 3.0).abs() < ROUNDING);
+    assert!((frame.origin() - points.iter().sum::<Vector3<f64>>() / 4.0).norm() < ROUNDING && is_right_handed(&frame));
+    assert!((frame.axes()[0].dot(&(points[1] - points[0])).abs() - 3.0).abs() < ROUNDING);
     assert!(PlaneFrame::fit(&[]).is_err() && PlaneFrame::fit(&points[..2]).is_err());
 }
 
@@ -271,27 +271,22 @@ fn the_pixel_area_is_a_positive_number() {
 fn an_outline_needs_a_plane_with_axes_of_its_own() {
     let outline = || PlaneRings::new(vec![rectangle(2.0, 1.0)]).unwrap();
     let axes = Random::new(3).pose(1.0).rotation;
-    let frame =
-        PlaneFrame { origin: Vector3::new(1.0, 2.0, 3.0), axes: [0, 1, 2].map(|k| axes.matrix().column(k).into()) };
-    let [u, v, normal] = frame.axes;
-    assert!((WorldRegion::from_outline(frame.clone(), outline()).unwrap().outline().area() - 2.0).abs() < ROUNDING);
-    let item = |origin: Vector3<f64>, axes: [Vector3<f64>; 3]| match WorldRegion::from_outline(
-        PlaneFrame { origin, axes },
-        outline(),
-    )
-    .unwrap_err()
-    {
+    let axes = [0, 1, 2].map(|k| axes.matrix().column(k).into());
+    let frame = PlaneFrame::new(Vector3::new(1.0, 2.0, 3.0), axes).unwrap();
+    let [u, v, normal] = *frame.axes();
+    assert!((WorldRegion::from_outline(frame.clone(), outline()).outline().area() - 2.0).abs() < ROUNDING);
+    let item = |origin: &Vector3<f64>, axes: &[Vector3<f64>; 3]| match PlaneFrame::new(*origin, *axes).unwrap_err() {
         Error::NotFinite { item, .. } => item,
         Error::InvalidGeometry { item, .. } | Error::InvalidRotation { item, .. } => item.to_owned(),
         other => panic!("{other:?}"),
     };
     for broken in [f64::NAN, f64::INFINITY] {
-        assert_eq!(item(Vector3::new(0.0, 0.0, broken), frame.axes), "the plane's origin");
-        assert_eq!(item(frame.origin, [u, Vector3::repeat(broken), normal]), "the matrix of the plane's axes");
+        assert_eq!(item(&Vector3::new(0.0, 0.0, broken), frame.axes()), "the plane's origin");
+        assert_eq!(item(frame.origin(), &[u, Vector3::repeat(broken), normal]), "the matrix of the plane's axes");
     }
     for axes in
         [[u * 2.0, v, normal], [u, (v + u * 0.1).normalize(), normal], [u, v, -normal], [u, v, Vector3::zeros()]]
     {
-        assert_eq!(item(frame.origin, axes), "the matrix of the plane's axes");
+        assert_eq!(item(frame.origin(), &axes), "the matrix of the plane's axes");
     }
 }

@@ -85,7 +85,7 @@ fn rows(world: &WorldRegion, count: usize) -> WorldRegion {
     let is_kept = |p: &&Vector2<f64>| heights.iter().take(count).any(|y| (p.y - y).abs() < 1e-6);
     let kept =
         |places: &[Vector2<f64>]| places.iter().filter(is_kept).map(|p| world.frame().to_world(p)).collect::<Vec<_>>();
-    let start = WorldRegion::from_outline(world.frame().clone(), world.outline().clone()).unwrap();
+    let start = WorldRegion::from_outline(world.frame().clone(), world.outline().clone());
     start.with_samples(&kept(samples.inside()), &kept(samples.outside())).unwrap()
 }
 
@@ -290,7 +290,7 @@ fn most_turns_of_a_bitten_hexagon_are_answers() {
         let estimate = estimated(&scene, &worlds, Prior::default());
         let answers: Vec<Pose> =
             std::iter::once(&estimate.best).chain(&estimate.alternatives).map(|solution| solution.pose).collect();
-        let (middle, normal) = (scene.middle(), scene.worlds[0].frame().axes[2]);
+        let (middle, normal) = (scene.middle(), scene.worlds[0].frame().axes()[2]);
         let is_answer = |turn: &u8| {
             let sixth = Rotation3::from_scaled_axis(normal * (f64::from(*turn) * std::f64::consts::PI / 3.0));
             let rotation = scene.pose.rotation * sixth;
@@ -340,7 +340,7 @@ fn a_region_whose_samples_lie_elsewhere_is_named() {
     let scene = Scene::random(&mut random, layout(4));
     let mut moved = scene.worlds.clone();
     let frame = moved[2].frame().clone();
-    let shift = (frame.axes[0] + frame.axes[1]) * 0.5;
+    let shift = (frame.axes()[0] + frame.axes()[1]) * 0.5;
     let rings: Vec<Vec<_>> = moved[2].rings().iter().map(|ring| ring.iter().map(|x| x + shift).collect()).collect();
     moved[2] = WorldRegion::from_rings(&rings).unwrap();
     let estimate = estimated(&scene, &sampled(&mut random, &moved, 0.1, 1.0), Prior::default());
@@ -392,16 +392,14 @@ fn places_on_one_line_need_no_plane() {
         let (inside, outside): (Vec<_>, Vec<_>) = places.partition(|place| outline.contains(*place));
         let lifted = |flat: Vec<Vector2<f64>>| flat.iter().map(|place| frame.to_world(place)).collect::<Vec<_>>();
         // The line in another plane through it.
-        let [u, v, n] = frame.axes;
+        let [u, v, n] = *frame.axes();
         let turned = [u, (v + n) / 2f64.sqrt(), (n - v) / 2f64.sqrt()];
-        let other = PlaneFrame { origin: frame.to_world(&middle), axes: turned };
+        let other = PlaneFrame::new(frame.to_world(&middle), turned).unwrap();
         let strip = PlaneRings::polygon(vec![rectangle(1.0, 0.01)]).unwrap();
-        let line = WorldRegion::from_outline(other, strip)
-            .unwrap()
-            .with_line_samples(&lifted(inside), &lifted(outside))
-            .unwrap();
-        let line = line.seen_from(frame.origin + u + (v - n * 2.0)).unwrap();
-        let [one, other] = [-5.0, 5.0].map(|far| frame.origin + turned[2] * far);
+        let line =
+            WorldRegion::from_outline(other, strip).with_line_samples(&lifted(inside), &lifted(outside)).unwrap();
+        let line = line.seen_from(frame.origin() + u + (v - n * 2.0)).unwrap();
+        let [one, other] = [-5.0, 5.0].map(|far| frame.origin() + turned[2] * far);
         assert!(line.is_line() && !line.is_behind(&one) && !line.is_behind(&other));
         worlds[1] = line;
         let errors = |count: usize| {

@@ -143,7 +143,6 @@ fn what_one_sided_samples_leave_open_is_the_outlines() {
             let inside: Vec<_> = samples.inside().iter().map(lifted).collect();
             let outside: Vec<_> = samples.outside().iter().filter(|p| p.x < -0.25).map(lifted).collect();
             WorldRegion::from_outline(world.frame().clone(), world.outline().clone())
-                .unwrap()
                 .with_samples(&inside, &outside)
                 .unwrap()
         };

@@ -34,7 +34,7 @@ fn disturbed(random: &mut Random, shape: Ring, edges: &[usize]) -> Scene {
     let layout = Layout { offset: 0.0, axis: Some(Vector3::z()), ..Layout::default() };
     let mut scene = Scene::of_shapes(random, vec![vec![shape]], layout);
     let ring = scene.worlds[0].rings().remove(0);
-    let normal = scene.worlds[0].frame().axes[2];
+    let normal = scene.worlds[0].frame().axes()[2];
     let middle = ring.iter().sum::<Vector3<f64>>() / ring.len() as f64;
     let turns = (ring[0] - middle).cross(&(ring[1] - middle)).dot(&normal).signum();
     scene.worlds = vec![WorldRegion::from_rings(&[bitten(random, &ring, &(normal * turns), edges)]).unwrap()];

@@ -74,8 +74,10 @@ impl WorldRegion {
             return Err(PyValueError::new_err(format!("axes has {} rows; it needs to be (2, 3)", axes.len())));
         };
         let given = self::rings::<2>(rings)?;
-        let frame = PlaneFrame { origin, axes: [u, v, u.cross(&v)] };
-        let made = || PlaneRings::new(given).and_then(|outline| region::WorldRegion::from_outline(frame, outline));
+        let made = || {
+            let outline = PlaneRings::new(given)?;
+            Ok(region::WorldRegion::from_outline(PlaneFrame::new(origin, [u, v, u.cross(&v)])?, outline))
+        };
         py.detach(made).map(Self).map_err(value_error)
     }
 
@@ -145,13 +147,13 @@ impl WorldRegion {
     /// A point of the plane, (3,).
     #[getter]
     fn origin<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.0.frame().origin.as_slice())
+        PyArray1::from_slice(py, self.0.frame().origin().as_slice())
     }
 
     /// Rows: the plane's axes u and v and its normal, (3, 3).
     #[getter]
     fn axes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        array(py, &self.0.frame().axes)
+        array(py, self.0.frame().axes())
     }
 
     /// Rings in plane coordinates, each (n, 2), outer ones counter-clockwise.

@@ -2,8 +2,9 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::points::extent;
+use super::points::{check_finite, extent};
 use crate::error::{Error, Result};
+use crate::geometry::pose::check_rotation;
 
 /// Largest distance of a vertex from the region's plane, as a share of the region's extent: surveyed or picked corners are
 /// good to a few millimeters in a meter, while a ring bent more than this is not one plane.
@@ -16,12 +17,32 @@ const MIN_WIDTH: f64 = 1e-6;
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlaneFrame {
     /// A point of the plane, world.
-    pub origin: Vector3<f64>,
+    pub(crate) origin: Vector3<f64>,
     /// Unit axes u, v and the normal, world.
-    pub axes: [Vector3<f64>; 3],
+    pub(crate) axes: [Vector3<f64>; 3],
 }
 
 impl PlaneFrame {
+    /// The frame of a point of the plane and its axes, world: unit axes u, v and the normal.
+    ///
+    /// # Errors
+    /// An origin that is not finite, or axes that are no right-handed orthonormal ones to 1e-6.
+    pub fn new(origin: Vector3<f64>, axes: [Vector3<f64>; 3]) -> Result<Self> {
+        check_finite("the plane's origin", &[origin])?;
+        check_rotation("the matrix of the plane's axes", &Matrix3::from_columns(&axes))?;
+        Ok(Self { origin, axes })
+    }
+
+    /// A point of the plane, world.
+    pub fn origin(&self) -> &Vector3<f64> {
+        &self.origin
+    }
+
+    /// Unit axes u, v and the normal, world.
+    pub fn axes(&self) -> &[Vector3<f64>; 3] {
+        &self.axes
+    }
+
     /// Least squares plane of points, with its origin at their mean.
     ///
     /// # Errors

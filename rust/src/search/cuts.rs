@@ -36,7 +36,7 @@ pub fn cut_worlds(world: &WorldRegion) -> Vec<WorldRegion> {
                 let much = kept(offset).area() > (1.0 - share) * outline.area();
                 (low, high) = if much { (low, offset) } else { (offset, high) };
             }
-            cut.push(WorldRegion::on_plane(world.frame().clone(), kept(high)));
+            cut.push(WorldRegion::from_outline(world.frame().clone(), kept(high)));
         }
     }
     cut

@@ -33,7 +33,7 @@ fn sampled_region(random: &mut Random, world: &WorldRegion, gap: f64, shrunk: f6
     let (inside, outside): (Vec<_>, Vec<_>) = places.map(|p| first + p).partition(|p| outline.contains(*p));
     let lifted = |flat: Vec<Vector2<f64>>| flat.iter().map(|p| frame.to_world(p)).collect::<Vec<_>>();
     let rings = outline.rings().iter().map(|ring| ring.iter().map(|p| p * shrunk).collect()).collect();
-    let start = WorldRegion::from_outline(frame.clone(), PlaneRings::new(rings).unwrap()).unwrap();
+    let start = WorldRegion::from_outline(frame.clone(), PlaneRings::new(rings).unwrap());
     start.with_samples(&lifted(inside), &lifted(outside)).unwrap()
 }
 

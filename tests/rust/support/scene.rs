@@ -172,7 +172,7 @@ impl Scene {
 
     /// Mean of the world regions' centers.
     pub fn middle(&self) -> Vector3<f64> {
-        self.worlds.iter().map(|world| world.frame().origin).sum::<Vector3<f64>>() / self.worlds.len() as f64
+        self.worlds.iter().map(|world| world.frame().origin()).sum::<Vector3<f64>>() / self.worlds.len() as f64
     }
 
     /// Rotation error (rad) of a pose, and the error of the place of the regions' middle over its distance.
