@@ -1,7 +1,7 @@
 //! How neighbors on a contour vary together, and that regions do not.
 
 use crate::support::random::Random;
-use regionpose::internals::contour::correlation::{correlation, sigmas};
+use regionpose::internals::math::autocorrelation::{correlation, sigmas};
 
 #[test]
 fn neighbors_that_take_turns_sum_to_less_and_alike_ones_to_more() {

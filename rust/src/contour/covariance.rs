@@ -4,13 +4,13 @@ use std::ops::Range;
 
 use nalgebra::{Matrix2, Matrix6, Vector2};
 
-use super::correlation::correlation;
 use super::degrees_of_freedom::{PRIOR_OBSERVATIONS, observation_count, residual_dof};
 use super::fit::ContourFit;
 use super::readings::{Contour, Reading};
 use crate::equations::information::{Information, free, validated_covariance};
 use crate::equations::normal_equations::{in_lanes, outer_products, turned};
 use crate::geometry::pose::PARAMETERS;
+use crate::math::autocorrelation::correlation;
 use crate::math::lanes::{Lanes, NullaryFnOnce, vectorized};
 
 /// The mean slope over the mean weight at least: below it, the contour does not hold the pose at this scale.

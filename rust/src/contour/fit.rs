@@ -5,13 +5,13 @@ use std::sync::OnceLock;
 
 use nalgebra::{Matrix6, Vector6};
 
-use super::correlation::{centered, correlation, mean, sigmas, split};
 use super::mixture::{Distances, Mixture, SCALE_STEP};
 use super::readings::{Contour, Reading};
 use super::region_preference::{RegionPreference, compare_by_region, of_counted};
 use crate::budget;
 use crate::equations::normal_equations::NormalEquations;
 use crate::geometry::pose::{Pose, Tangent};
+use crate::math::autocorrelation::{centered, correlation, mean, sigmas, split};
 use crate::math::gaussian::Gaussian;
 
 /// The finest scale, in pixels: pieces of a binary mask's contour scatter by 0.15 to 0.25.

@@ -1,7 +1,6 @@
 //! Observed contours: point-to-boundary residuals, their robust likelihood, registration and covariance.
 
 mod boundary;
-pub mod correlation;
 pub mod covariance;
 pub mod creases;
 pub mod degrees_of_freedom;

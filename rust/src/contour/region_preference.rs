@@ -3,7 +3,7 @@
 
 use std::cmp::Ordering;
 
-use super::correlation::split;
+use crate::math::autocorrelation::split;
 
 /// Which of two poses a region belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,5 +1,6 @@
-//! Normal distributions, functions in single precision and groups of numbers for vector instructions: what everything else is built on.
+//! Autocorrelation, normal distributions, functions in single precision and lanes for vector instructions: what everything else is built on.
 
+pub mod autocorrelation;
 pub mod gaussian;
 pub(crate) mod lanes;
 pub mod normal;

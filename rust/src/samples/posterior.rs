@@ -8,8 +8,8 @@ use super::label_inference::PoseState;
 use super::label_model::{LabelModel, NoiseLevels};
 use super::margin::{EdgeKind, ProjectedSample, SampledRegion};
 use super::probit_site::LabelSite;
-use crate::contour::correlation::sigmas;
 use crate::geometry::pose::{Pose, Tangent};
+use crate::math::autocorrelation::sigmas;
 use crate::math::gaussian::{Gaussian, Normal};
 use crate::math::normal::cumulative;
 

@@ -1,6 +1,6 @@
 //! Autocorrelation of values along contours, by Geyer's initial positive sequence (`docs/math.md`, section 11).
 
-use crate::math::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
+use super::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 
 /// The least that a sum of neighbors may vary against independent ones: a convention.
 const LEAST_CORRELATION: f64 = 0.2;
@@ -56,7 +56,7 @@ pub fn sigmas(differences: &[f64], counts: &[usize]) -> f64 {
 }
 
 /// Consecutive parts of these lengths.
-pub(super) fn split<'a, T>(values: &'a [T], lengths: &'a [usize]) -> impl Iterator<Item = &'a [T]> + 'a {
+pub(crate) fn split<'a, T>(values: &'a [T], lengths: &'a [usize]) -> impl Iterator<Item = &'a [T]> + 'a {
     let mut rest = values;
     lengths.iter().map(move |&length| {
         let (part, others) = rest.split_at(length);
@@ -65,11 +65,11 @@ pub(super) fn split<'a, T>(values: &'a [T], lengths: &'a [usize]) -> impl Iterat
     })
 }
 
-pub(super) fn mean(values: &[f64]) -> f64 {
+pub(crate) fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-pub(super) fn centered(values: &[f64]) -> Vec<f64> {
+pub(crate) fn centered(values: &[f64]) -> Vec<f64> {
     let mean = mean(values);
     values.iter().map(|value| value - mean).collect()
 }
