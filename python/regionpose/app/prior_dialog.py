@@ -15,7 +15,7 @@ from regionpose.solve.prior import MOUNT_SIGMA_M, UP_SIGMA_DEG
 
 Answered = Callable[[PriorSettings], Awaitable[bool]]
 
-NOT_KNOWN = "not known"
+ANY_DIRECTION = "any"
 
 UPWARD: dict[str, Triple] = {
     "z": (0.0, 0.0, 1.0),
@@ -35,7 +35,7 @@ class PriorDialog:
         """Build the button and the dialog; `answered` gets the settings and returns whether they were accepted."""
         self._shared, self._answered = shared, answered
         self._button = ui.button(icon="explore", on_click=self._ask).props("flat dense no-caps size=12.5px")
-        self._button.tooltip("What is known of the pose beforehand: place, direction of view, up").mark("prior")
+        self._button.tooltip("The prior of the pose: place, viewing direction, up").mark("prior")
         with ui.dialog() as self._dialog, ui.card().style("max-width:560px;padding:20px 26px"):
             ui.html(PRIOR_QUESTION, sanitize=False)
             self._near = _Vector("The camera stands near", "m", "within, m")
@@ -44,14 +44,14 @@ class PriorDialog:
             self._up = _Vector("Up in the photo is", "", "to, degrees")
             with ui.row().style("gap:12px;margin-top:12px"):
                 ui.button("Use it", on_click=self._use).props("unelevated dense no-caps").mark("use-prior")
-                ui.button("Nothing is known", on_click=self._forget).props("flat dense no-caps")
+                ui.button("No prior", on_click=self._forget).props("flat dense no-caps")
                 ui.button("Leave it", on_click=self._dialog.close).props("flat dense no-caps")
         self.show()
 
     def show(self) -> None:
         """Show the prior on the button."""
         text = self._shared.session.prior_settings.text
-        self._button.set_text(f"PriorSettings: {text}" if text else "PriorSettings beforehand …")
+        self._button.set_text(f"Prior: {text}" if text else "Prior …")
         self._button.props(f"color={'blue-8' if text else 'grey-8'}")
 
     def _ask(self) -> None:
@@ -81,7 +81,7 @@ class PriorDialog:
             up=up,
             up_sigma_deg=self._up.sigma if up is not None else None,
         )
-        if await self._answered(settings):  # What was refused stays to be mended.
+        if await self._answered(settings):  # A refused prior stays open for correction.
             self._dialog.close()
 
     async def _forget(self) -> None:
@@ -97,7 +97,7 @@ class UpChoice:
         self._shared, self._answered = shared, answered
         with ui.element("div").classes("rp-up") as self._row:
             ui.label("The camera is upright; up in the cloud is")
-            options = {name: name for name in (NOT_KNOWN, *UPWARD)}
+            options = {name: name for name in (ANY_DIRECTION, *UPWARD)}
             self._choice = toggle(options, self._chosen, self._choose).mark("up")
             self._choice.tooltip(f"To some {UP_SIGMA_DEG:g} degrees: far fewer poses are searched")
         self.show()
@@ -106,7 +106,7 @@ class UpChoice:
     def _chosen(self) -> str | None:
         """The button of the current up direction; None for another direction."""
         up = self._shared.session.prior_settings.up
-        return NOT_KNOWN if up is None else next((name for name, axis in UPWARD.items() if axis == up), None)
+        return ANY_DIRECTION if up is None else next((name for name, axis in UPWARD.items() if axis == up), None)
 
     def show(self) -> None:
         """Show the current settings."""

@@ -25,7 +25,7 @@ EMPTY_LIST = (
     " wall, a board.<ol><li><b>Click on it in the photo.</b> Its mask is proposed; the slider takes a smaller or a"
     " larger one.</li><li><b>Click on it in the cloud.</b> The whole plane is taken;"
     " a further click takes a part of it, such as a sign.</li><li><b>Go on with the next one.</b>"
-    " The pose follows from the first pair on; three or four on different planes make it sure.</li></ol></div>"
+    " The pose follows from the first pair on; three or four on different planes make it certain.</li></ol></div>"
 )
 
 EDGES_ENOUGH = (
@@ -71,14 +71,14 @@ OF_REGIONS = {
 
 SCANNER_QUESTION = (
     '<div class="rp-help"><h3>Where did the scanner stand?</h3>In the frame of the cloud, mostly 0, 0, 0. That is'
-    " proposed where the cloud looks like one scan around its zero. With the place the regions are known far better: by"
+    "proposed where the cloud looks like one scan around its zero. The place determines the regions far better: by"
     " the beams that met them and those that passed beside them.</div>"
 )
 
 PRIOR_QUESTION = (
-    '<div class="rp-help"><h3>What is known of the pose beforehand?</h3>In the frame of the cloud. It chooses between'
+    '<div class="rp-help"><h3>Prior of the pose</h3>In the frame of the cloud. It chooses between'
     " poses that fit about equally well, and warns of one that it contradicts. Without regions it is all that is"
-    " searched. Leave empty what is not known. Without an answer the camera is taken to stand within some meters of the"
+    " searched. Leave empty what you do not know. Without a prior the camera is assumed within some meters of the"
     " scanner, without regions within 0.5 m (1 sigma).</div>"
 )
 

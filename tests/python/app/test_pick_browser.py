@@ -329,7 +329,7 @@ def test_the_page_asks_where_the_scanner_stood_and_looks_from_there(unasked: str
 
 def test_what_is_known_is_asked_until_it_can_be_used(server: str, browser: Any) -> None:
     page, odd = opened(browser, server)
-    page.get_by_role("button", name="PriorSettings beforehand").click()
+    page.get_by_role("button", name="Prior …").click()
     within = page.locator(".q-dialog input[type=number]").nth(3)
     within.fill("-1")
     page.get_by_role("button", name="Use it").click()

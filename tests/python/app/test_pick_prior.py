@@ -1,4 +1,4 @@
-"""What is known of the pose beforehand, as the picking page asks for it."""
+"""The prior of the pose as the picking page edits it."""
 
 from __future__ import annotations
 
