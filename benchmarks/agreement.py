@@ -54,9 +54,9 @@ class RealFrame(NamedTuple):
         """Photo and cloud, without regions."""
         return rp.SceneFrame(Photo.of(self.image), self.cloud.points, self.camera, intensity=self.cloud.intensity)
 
-    def alignment(self, photo: Photo, pose: rp.Pose) -> rp.alignment.Alignment:
+    def alignment(self, photo: Photo, pose: rp.Pose) -> rp.solve.Alignment:
         """How well photo and cloud agree at a pose."""
-        return rp.check_alignment(photo, self.cloud.points, self.camera, pose, intensity=self.cloud.intensity)
+        return rp.check_alignment(self.camera, photo, self.cloud.points, pose, intensity=self.cloud.intensity)
 
 
 def frames(data: Path) -> Iterator[RealFrame]:

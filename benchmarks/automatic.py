@@ -106,8 +106,9 @@ def solved(
     """The row of a problem, and its pose."""
     start = time.perf_counter()
     frames = [scene_frame(capture) for capture in captures]
-    found = rp.calibrate(frames, prior=prior or prior_of(captures[0]), sensor_origin=captures[0].scanner)
-    seconds, estimate = time.perf_counter() - start, found.estimate
+    estimate = rp.calibrate(frames, prior=prior or prior_of(captures[0]), sensor_origin=captures[0].scanner)
+    seconds, edges = time.perf_counter() - start, estimate.diagnostics.edges
+    assert edges is not None
     deg = m = sigmas = None
     if truth is not None:
         way = estimate.pose.local_coordinates(truth)
@@ -116,7 +117,9 @@ def solved(
         # The error's length in the directions of its own, as a standard deviation along it.
         sigmas = float(max(np.abs(way) / np.sqrt(np.diag(estimate.covariance))))
     trusted = not estimate.warnings
-    row = Row(kind, name, deg, m, sigmas, found.log_odds, found.lead, estimate.confidence, trusted, seconds)
+    row = Row(
+        kind, name, deg, m, sigmas, edges.log_odds, edges.log_odds_over_next, estimate.confidence, trusted, seconds
+    )
     return row, estimate.pose
 
 

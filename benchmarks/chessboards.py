@@ -28,7 +28,6 @@ from regionpose.io.yaml_text import to_yaml
 from regionpose.scene.bundle import Truth, truth_errors
 from regionpose.scene.estimate import SceneEstimate, estimate_scene
 from regionpose.scene.loading import load_scene
-from regionpose.scene.verdict import verdict
 
 from benchmarks.real_scenes import DEFAULT_DATA, RIG, camera_item, cloud_file, cloud_of, world_item
 
@@ -89,12 +88,12 @@ def clicks_of(folder: Path, out: Path, count: int, near: bool) -> Iterator[Click
         except (rp.PoseError, ValueError) as error:
             yield str(error).splitlines()[0]
             continue
-        errors, found = truth_errors(run.estimate.pose, truth), run.calibration
-        assert found is not None and found.regions is not None
-        after, before = run.estimate.confidence, found.regions.confidence
+        errors, found = truth_errors(run.estimate.pose, truth), run.estimate.diagnostics.edges
+        assert found is not None and found.regions_only is not None
+        after, before = run.estimate.confidence, found.regions_only.estimate.confidence
         grown = run.sides.image_regions[0].area / area
         (alignment,) = found.alignments
-        level, odds = verdict(run).level, alignment.log_odds
+        level, odds = run.estimate.status.value, alignment.log_odds
         yield Click(grown, errors["rotation_deg"], errors["camera_center_m"], level, before, after, odds)
 
 

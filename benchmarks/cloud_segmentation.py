@@ -89,7 +89,7 @@ def pose_error(scene: SyntheticScene, region: rp.WorldRegion) -> tuple[float, fl
     """Rotation (deg) and translation error (meters) of the nearest answer with the exact image region."""
     estimate = rp.estimate_pose(scene.camera, [rp.ImageRegion.from_mask(scene.coverages()[0])], [region])
     answers = []
-    for pose in (estimate.pose, *(answer.pose for answer in estimate.alternatives)):
+    for pose in (estimate.pose, *(answer.pose for answer in estimate.diagnostics.alternatives)):
         matrix = pose.rotation.as_matrix()
         shift = translation_error(matrix, pose.translation, scene.rotation, scene.translation, scene.anchor)
         answers.append((rotation_error(matrix, scene.rotation), shift))
@@ -163,7 +163,7 @@ def real_pose_error(region: rp.WorldRegion, labels: dict[str, Any], calibration:
     rotation, translation = np.array(calibration["R"]), np.array(calibration["t"])
     middle = region.rings[0].mean(axis=0)
     answers = []
-    for pose in (estimate.pose, *(answer.pose for answer in estimate.alternatives)):
+    for pose in (estimate.pose, *(answer.pose for answer in estimate.diagnostics.alternatives)):
         matrix = pose.rotation.as_matrix()
         shift = translation_error(matrix, pose.translation, rotation, translation, middle)
         answers.append((rotation_error(matrix, rotation), shift))

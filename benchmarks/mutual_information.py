@@ -205,7 +205,7 @@ def print_regions(frame: Frame) -> None:
     print(line(frame, "true pose", [frame.pose]))
     images, worlds = (list(side) for side in zip(*pairs_of(frame), strict=True))
     estimate = rp.estimate_pose(frame.camera, images, worlds)
-    answers = [estimate.pose, *(answer.pose for answer in estimate.alternatives)]
+    answers = [estimate.pose, *(answer.pose for answer in estimate.diagnostics.alternatives)]
     print(line(frame, "regionpose, no start", answers[:1]))
     nearest = min(answers, key=lambda pose: errors(frame, pose)[0])
     print(line(frame, f"regionpose, nearest of {len(answers)}", [nearest]))

@@ -38,8 +38,8 @@ from regionpose.app.session import Session
 from regionpose.geometry.pose import Pose
 from regionpose.io.yaml_text import to_yaml
 from regionpose.scene.estimate import SceneEstimate
-from regionpose.scene.verdict import TRUSTED, verdict
 from regionpose.solve.prior import UP_SIGMA_DEG
+from regionpose.solve.status import PoseStatus
 
 from benchmarks.real_scenes import DEFAULT_DATA, camera_item, cloud_file, errors_of
 
@@ -108,7 +108,7 @@ class Row(NamedTuple):
     @property
     def is_reached(self) -> bool:
         """Whether the pose is trusted within the clicks that are allowed."""
-        return self.level == TRUSTED and self.clicks <= MOST_CLICKS
+        return self.level == PoseStatus.TRUSTED and self.clicks <= MOST_CLICKS
 
 
 def drawing(polygon: list[list[float]], hidden: list[int]) -> Drawing:
@@ -173,7 +173,7 @@ def by_edges(user: User, truth: Pose) -> Row:
     """What the page opens with, or, where that is not trusted, what it shows once the direction up is known."""
     session = user.session
     row = row_of(user, session.estimate_edges(session.edge_values()), truth)
-    if row.level == TRUSTED:
+    if row.level == PoseStatus.TRUSTED:
         return row
     session.set_prior_settings(UPRIGHT)
     user.clicks += 1
@@ -189,7 +189,7 @@ def picked(folder: Path, out: Path, *, edges: bool = False) -> Row:
     user = User(session, RangeView.of(session.cloud, scanner))
     calibration = json.loads((folder / "calib.json").read_text())
     truth = Pose.from_parts(calibration["R"], calibration["t"])
-    if edges and (row := by_edges(user, truth)).level == TRUSTED:
+    if edges and (row := by_edges(user, truth)).level == PoseStatus.TRUSTED:
         return row
     if session.asks_for_scanner:
         user.clicks += 1
@@ -199,7 +199,7 @@ def picked(folder: Path, out: Path, *, edges: bool = False) -> Row:
     for face in sorted(faces, key=lambda each: -shapely.Polygon(each["image_polygon"]).area):
         user.pick(face, np.load(folder / face["point_indices"]))
         rows.append(row_of(user, session.estimate(), truth))
-        if rows[-1].level == TRUSTED:
+        if rows[-1].level == PoseStatus.TRUSTED:
             break
     return rows[-1]
 
@@ -208,7 +208,7 @@ def row_of(user: User, run: SceneEstimate, truth: Pose) -> Row:
     """What the clicks so far lead to."""
     errors = errors_of(run.estimate.pose, run.estimate.covariance, truth)
     codes = tuple(dict.fromkeys(warning.code for warning in run.estimate.warnings))
-    return Row(user.clicks, user.faces, verdict(run).level, errors.rotation, errors.center, codes)
+    return Row(user.clicks, user.faces, run.estimate.status.value, errors.rotation, errors.center, codes)
 
 
 def main() -> None:

@@ -689,7 +689,7 @@ def line(frame: RealFrame) -> str:
 def write_picture(frame: RealFrame, folder: Path) -> None:
     """Draw the cloud's depth over the photo at the true pose."""
     folder.mkdir(parents=True, exist_ok=True)
-    picture = rp.overlay_depth(frame.image, frame.camera, frame.truth, frame.points)
+    picture = rp.overlay_depth(frame.camera, frame.image, frame.points, frame.truth)
     Image.fromarray(picture).save(folder / f"{frame.name.replace('/', '-')}.png")
 
 

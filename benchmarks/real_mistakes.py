@@ -137,17 +137,18 @@ def row_of(problem: Problem, *, verbose: bool) -> Row | None:
         found = rp.calibrate([frame], prior=problem.prior)
     except rp.PoseError:
         return None
-    assert found.regions is not None
-    ways = (found.regions, found.estimate)
+    edges = found.diagnostics.edges
+    assert edges is not None and edges.regions_only is not None
+    ways = (edges.regions_only.estimate, found)
     wrong = (is_wrong(ways[0].pose, problem.truth), is_wrong(ways[1].pose, problem.truth))
     trusted = (not ways[0].warnings, not ways[1].warnings)
     turn = turned_deg(found.pose, problem.truth)
     if verbose and any(np.logical_and(wrong, trusted)):
         place = np.linalg.norm(found.pose.camera_center - problem.truth.camera_center)
         print(f"{problem.mistake:6} {problem.name:28} {turn:6.1f} deg {place:6.2f} m  {trusted}  {found}", flush=True)
-    errors = errors_of(found.pose, found.estimate.covariance, problem.truth)
+    errors = errors_of(found.pose, found.covariance, problem.truth)
     sigmas = max(errors.rotation_sigmas, errors.center_sigmas)
-    return Row(problem.mistake, wrong, trusted, found.estimate.confidence, turn, sigmas)
+    return Row(problem.mistake, wrong, trusted, found.confidence, turn, sigmas)
 
 
 def is_wrong(pose: rp.Pose, truth: rp.Pose) -> bool:

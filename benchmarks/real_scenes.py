@@ -100,7 +100,8 @@ class RealScene:
         ends = list(accumulate(self.counts, initial=0))
         frames = [(images[first:end], worlds[first:end]) for first, end in pairwise(ends)]
         rig = rp.estimate_rig(self.camera, frames, prior=known)
-        return replace(rig.estimate, warnings=rig.warnings), rig.between_frame_sigma
+        assert rig.diagnostics.rig is not None
+        return rig, rig.diagnostics.rig.between_frame_sigma
 
 
 class Errors(NamedTuple):
@@ -288,7 +289,7 @@ def _sigmas(error: Array, covariance: Array) -> float:
 def row_of(scene: RealScene, way: str, prior: str) -> Row:
     """A scene's estimate and its errors."""
     estimate, scatter = scene.estimate_and_scatter(way, prior)
-    answers: list[rp.PoseEstimate | rp.solve.Alternative] = [estimate, *estimate.alternatives]
+    answers: list[rp.PoseEstimate | rp.solve.Alternative] = [estimate, *estimate.diagnostics.alternatives]
     errors = [errors_of(answer.pose, answer.covariance, scene.truth) for answer in answers]
     place = int(np.argmin([each.rotation for each in errors]))
     codes = tuple(dict.fromkeys(warning.code for warning in estimate.warnings))

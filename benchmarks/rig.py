@@ -41,7 +41,7 @@ Part = Literal["focal", "center", "distortion"]
 REFINEMENTS: tuple[tuple[Part, ...], ...] = ((), ("focal",), ("focal", "center"), ("focal", "center", "distortion"))
 
 
-def print_frames(rig: rp.RigEstimate) -> None:
+def print_frames(rig: rp.solve.RigDiagnostics) -> None:
     """Print a line for each frame: its fit, and the pose without it."""
     for fit, one in zip(rig.frames, rig.leave_one_out, strict=True):
         print(
@@ -66,16 +66,23 @@ def report(scenes: list[RealScene], way: str) -> None:
     frames = [rp.Frame(scene.images, scene.worlds[way], scene.name.split("/")[1]) for scene in scenes]
     for parts in REFINEMENTS:
         rig = rp.estimate_rig(scenes[0].camera, frames, refine_camera=parts)
-        errors = errors_of(rig.pose, rig.estimate.covariance, scenes[0].truth)
+        errors = errors_of(rig.pose, rig.covariance, scenes[0].truth)
         print(
             f"{way:7} {'+'.join(parts) or 'camera as given':24} {errors.rotation:6.3f} deg"
             f" ({errors.rotation_sigmas:.1f} sigma) {1e3 * errors.center:6.2f} mm ({errors.center_sigmas:.1f} sigma)"
-            f"  delta {100 * rig.estimate.overlap_error:5.2f} %  {' '.join(warning.code for warning in rig.warnings)}"
+            f"  delta {100 * rig.diagnostics.overlap_error:5.2f} %  {' '.join(each.code for each in rig.warnings)}"
         )
-        if rig.refinement is None:
-            print_frames(rig)
+        frame_fits = rig_of(rig)
+        if frame_fits.refinement is None:
+            print_frames(frame_fits)
         else:
-            print_refinement(rig.refinement)
+            print_refinement(frame_fits.refinement)
+
+
+def rig_of(estimate: rp.PoseEstimate) -> rp.solve.RigDiagnostics:
+    """How the frames of a rig fit."""
+    assert estimate.diagnostics.rig is not None
+    return estimate.diagnostics.rig
 
 
 def synthetic_frame(scene: SyntheticScene, offset: float = 0.0) -> rp.Frame:
@@ -86,7 +93,7 @@ def synthetic_frame(scene: SyntheticScene, offset: float = 0.0) -> rp.Frame:
     return rp.Frame(images, [rp.WorldRegion.from_polygon(region) for region in rings])
 
 
-def shift_mm(rig: rp.RigEstimate, frames: list[rp.Frame]) -> float:
+def shift_mm(rig: rp.PoseEstimate, frames: list[rp.Frame]) -> float:
     """Error of the pose at the regions; the true pose is the identity."""
     middle = np.mean([region.rings[0].mean(axis=0) for frame in frames for region in frame.world_regions], axis=0)
     return float(1e3 * np.linalg.norm(rig.pose.transform(middle) - middle))
@@ -128,20 +135,20 @@ def trial_of(scenes: list[SyntheticScene], parts: Sequence[Part]) -> Trial:
     wrong: Camera = replace(camera, fx=1.01 * camera.fx, fy=1.01 * camera.fy, cx=camera.cx + 5.0, cy=camera.cy - 5.0)
     runs = [rp.estimate_rig(given, frames, refine_camera=some) for given in (camera, wrong) for some in ((), parts)]
     spoiled = rp.estimate_rig(camera, [*frames[:-1], replace(synthetic_frame(scenes[-1], 0.03), name="moved")])
-    outliers = [warning.message for warning in spoiled.warnings if warning.code == "outlier-frame"]
+    outliers = [warning.text for warning in spoiled.warnings if warning.code == "outlier-frame"]
     sides = [
         [region for frame in frames for region in getattr(frame, side)] for side in ("image_regions", "world_regions")
     ]
     whole = rp.estimate_pose(camera, *sides, solver=rp.Solver(driver="native"))
     right_shift, right_refined, wrong_shift, wrong_refined = (shift_mm(run, frames) for run in runs)
-    right, other = runs[1].refinement, runs[3].refinement
+    right, other = rig_of(runs[1]).refinement, rig_of(runs[3]).refinement
     assert right is not None and other is not None
     return Trial(
         outcomes=(right.outcome, other.outcome),
         errors=(right_shift, right_refined, wrong_shift, wrong_refined),
         is_named=len(outliers) == 1 and outliers[0].startswith("moved"),
         sigmas=[value for refinement in (right, other) for value in deviations(refinement, camera)],
-        poses=[of_truth(runs[0].estimate), of_truth(whole)],
+        poses=[of_truth(runs[0]), of_truth(whole)],
     )
 
 

@@ -98,7 +98,7 @@ def answers(problem: Problem) -> Iterator[Given]:
         estimate = rp.estimate_pose(problem.camera, problem.images, problem.worlds, prior=problem.prior)
     except rp.PoseError:
         return
-    for answer in (estimate, *estimate.alternatives):
+    for answer in (estimate, *estimate.diagnostics.alternatives):
         yield Given(problem.mistake, problem.frame, answer.pose, problem.truth)
 
 
@@ -108,7 +108,7 @@ def told(given: Given) -> Pose:
     points = np.asarray(frame.points, dtype=np.float64)
     points = points[np.isfinite(points).all(axis=1)]
     edges = rp.check_alignment(
-        frame.photo, frame.points, frame.camera, pose, regions=frame.regions, intensity=frame.intensity
+        frame.camera, frame.photo, frame.points, pose, regions=frame.regions, intensity=frame.intensity
     ).edge_log_odds
     hidden = {gap: most_hidden(replace(frame, points=points), pose, gap) for gap in GAPS}
     nearest = float(cKDTree(points).query(pose.camera_center)[0])
@@ -122,7 +122,7 @@ def told(given: Given) -> Pose:
 def most_hidden(frame: rp.SceneFrame, pose: rp.Pose, gap: int) -> float:
     """The share of the most hidden region, with surfaces that close gaps of so many cells."""
     with patch.object(visibility, "GAP_CELLS", gap):
-        found = visibility.occlusions(frame.regions, frame.world_regions, frame.points, frame.camera, pose)
+        found = visibility.occlusions(frame.camera, frame.regions, frame.world_regions, frame.points, pose)
     return max((each.share for each in found if each.share > 0.0), default=0.0)
 
 

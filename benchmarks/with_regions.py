@@ -80,17 +80,18 @@ def row_of(scenes: Sequence[RealScene], seen: dict[str, rp.SceneFrame], *, edges
     seconds, alone = time.perf_counter() - begun, None
     if edges_alone:
         bare = [replace(frame, regions=(), world_regions=()) for frame in held]
-        alone = _errors(rp.calibrate(bare, prior=prior).estimate, truth)
-    assert found.regions is not None
+        alone = _errors(rp.calibrate(bare, prior=prior), truth)
+    edges = found.diagnostics.edges
+    assert edges is not None and edges.regions_only is not None
     kind, name = f"{scenes[0].kind}, {len(scenes)}", "+".join(scene.name[-6:] for scene in scenes)
-    regions, both = _errors(found.regions, truth), _errors(found.estimate, truth)
-    codes = " ".join(warning.code for warning in found.estimate.warnings)
+    regions, both = _errors(edges.regions_only.estimate, truth), _errors(found, truth)
+    codes = " ".join(warning.code for warning in found.warnings)
     print(
         f"{kind:16} {name:28} {written(regions)} | {'' if alone is None else written(alone)} -> {written(both)}"
-        f"  {found.log_odds:6.1f} {100 * found.estimate.confidence:5.1f} %  {seconds:4.1f} s  {codes}",
+        f"  {edges.log_odds:6.1f} {100 * found.confidence:5.1f} %  {seconds:4.1f} s  {codes}",
         flush=True,
     )
-    return Row(kind, regions, alone, both, _way(truth, found.pose), truth, not found.estimate.warnings)
+    return Row(kind, regions, alone, both, _way(truth, found.pose), truth, not found.warnings)
 
 
 def _errors(estimate: rp.PoseEstimate, truth: rp.Pose) -> Errors:

@@ -39,7 +39,7 @@ fn main() -> Result<()> {
     println!("boundary noise          {:.2} pixels", estimate.boundary_noise);
     println!("{} other pose(s), {} evaluations", estimate.alternatives.len(), estimate.evaluations);
     for warning in &estimate.warnings {
-        println!("warning: {warning}");
+        println!("warning: {}", warning.code());
     }
     Ok(())
 }

@@ -110,6 +110,8 @@ def package_outcomes(problem: Problem, **options: Any) -> tuple[Outcome, Outcome
     worlds = [rp.WorldRegion.from_polygon(rings) for rings in scene.regions]
     estimate = rp.estimate_pose(scene.camera, images, worlds, solver=rp.Solver(**options))
     seconds = time.process_time() - begin
-    answers = [estimate.pose, *(other.pose for other in estimate.alternatives)]
-    first, nearest = (outcome(scene, poses, seconds, estimate.evaluations) for poses in (answers[:1], answers))
+    answers = [estimate.pose, *(other.pose for other in estimate.diagnostics.alternatives)]
+    first, nearest = (
+        outcome(scene, poses, seconds, estimate.diagnostics.evaluations) for poses in (answers[:1], answers)
+    )
     return first, nearest

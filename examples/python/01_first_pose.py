@@ -26,8 +26,8 @@ print(estimate)
 print("camera_from_world")
 print(np.round(estimate.pose.matrix, 4))
 print("confidence        ", f"{100 * estimate.confidence:.1f} %")
-print("rotation sigma    ", np.round(estimate.rotation_sigma_deg, 3), "deg")
-print("translation sigma ", np.round(1000 * estimate.translation_sigma_m, 1), "mm")
+print("rotation sigma    ", np.round(estimate.sigma.rotation_deg, 3), "deg")
+print("translation sigma ", np.round(1000 * estimate.sigma.translation_m, 1), "mm")
 print("warnings          ", [str(warning) for warning in estimate.warnings])
 
 # %%
@@ -42,7 +42,7 @@ print(f"off by {turn:.3f} deg and {1000 * shift:.1f} mm")
 # Always look at the overlay. The regions of the cloud, projected with the pose, lie on those of the photo.
 
 names = [region.name for region in demo.regions]
-picture = rp.overlay_regions(demo.image, demo.camera, estimate.pose, image_regions, world_regions, names)
+picture = rp.overlay_regions(demo.camera, demo.image, image_regions, world_regions, estimate.pose, names)
 plt.figure(figsize=(9, 6), layout="constrained")
 plt.imshow(picture)
 plt.axis("off")

@@ -16,7 +16,7 @@ world_regions = [
 ]
 pose = rp.estimate_pose(demo.camera, image_regions, world_regions).pose
 
-colors, visible = rp.colorize(demo.points, demo.image, demo.camera, pose)
+colors, visible = rp.colorize(demo.camera, demo.image, demo.points, pose)
 print(f"{np.mean(visible):.0%} of {len(demo.points)} points are seen")
 
 # %%
@@ -34,6 +34,6 @@ plt.show()
 # The other way round: the cloud over the photo, by distance. Depth steps should lie on edges of the photo.
 
 plt.figure(figsize=(9, 6), layout="constrained")
-plt.imshow(rp.overlay_depth(demo.image, demo.camera, pose, demo.points))
+plt.imshow(rp.overlay_depth(demo.camera, demo.image, demo.points, pose))
 plt.axis("off")
 plt.show()

@@ -40,7 +40,7 @@ def estimated(polygons):
 angles = np.array([2, 5, 10, 20, 30, 45, 60])
 tilts = [estimated([placed([0, angle, 0], [0, 0, 5])]) for angle in angles]
 figure, axes = plt.subplots(figsize=(6, 3.5), layout="constrained")
-axes.semilogy(angles, [np.max(each.rotation_sigma_deg) for each in tilts], "o-")
+axes.semilogy(angles, [np.max(each.sigma.rotation_deg) for each in tilts], "o-")
 axes.set(xlabel="angle between the plane and a frontal one, deg", ylabel="largest rotation sigma, deg")
 axes.grid(alpha=0.3)
 plt.show()
@@ -61,7 +61,7 @@ layouts = {
 }
 figure, panels = plt.subplots(1, 4, figsize=(10, 2.9), layout="constrained")
 for axes, (name, polygons) in zip(panels, layouts.items(), strict=True):
-    sigma = np.max(estimated(polygons).rotation_sigma_deg)
+    sigma = np.max(estimated(polygons).sigma.rotation_deg)
     for polygon in polygons:
         axes.fill(*camera.project(polygon).T, alpha=0.8)
     axes.set(xlim=(0, camera.width), ylim=(camera.height, 0), aspect="equal", xticks=[], yticks=[])

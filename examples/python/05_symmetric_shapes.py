@@ -3,8 +3,8 @@ Symmetric shapes and priors
 ===========================
 
 A rectangle looks the same after half a turn in its plane, so that several poses explain its image. The estimate
-returns them all: the best as ``pose``, the others in ``alternatives``, with the warning ``ambiguous``. Resolve it
-with a prior.
+returns them all: the best as ``pose``, the others in ``diagnostics.alternatives``, with the warning
+``ambiguous-pose``. Resolve it with a prior.
 """
 
 import matplotlib.pyplot as plt
@@ -26,7 +26,7 @@ for warning in estimate.warnings:
 # %%
 # Each answer has its own place of the camera. All project the door onto the same pixels.
 
-answers = [estimate.pose, *(other.pose for other in estimate.alternatives)]
+answers = [estimate.pose, *(other.pose for other in estimate.diagnostics.alternatives)]
 figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
 left.fill(*image_region.rings[0].T, color="#40b0ff", alpha=0.5, label="observed")
 for pose in answers:

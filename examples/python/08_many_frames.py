@@ -42,9 +42,9 @@ for warning in rig.warnings:
 # shows, for each frame, how far its contours lie from where the other frames put them.
 
 figure, axes = plt.subplots(figsize=(7, 3.5), layout="constrained")
-places = np.arange(len(frames))
-axes.bar(places - 0.2, [one.residual_px for one in rig.leave_one_out], 0.4, label="found", color="#ff8c00")
-axes.bar(places + 0.2, [one.expected_px for one in rig.leave_one_out], 0.4, label="expected", color="#0b5fa5")
+places, without = np.arange(len(frames)), rig.diagnostics.rig.leave_one_out
+axes.bar(places - 0.2, [one.residual_px for one in without], 0.4, label="found", color="#ff8c00")
+axes.bar(places + 0.2, [one.expected_px for one in without], 0.4, label="expected", color="#0b5fa5")
 axes.set(xlabel="frame left out", ylabel="distance of its contours, px", xticks=places)
 axes.legend()
 plt.show()
@@ -52,10 +52,10 @@ plt.show()
 # %%
 # Without it, and with focal length and center estimated together with the pose:
 
-kept = [each for each, fit in zip(frames, rig.leave_one_out, strict=True) if not fit.is_outlier]
+kept = [each for each, fit in zip(frames, without, strict=True) if not fit.is_outlier]
 given = rp.estimate_rig(assumed, kept)
 refined = rp.estimate_rig(assumed, kept, refine_camera=["focal", "center"])
 for name, result in (("camera as given", given), ("camera refined", refined)):
     shift = 1000 * np.linalg.norm(result.pose.camera_center - camera_from_lidar.camera_center)
-    camera = result.camera
+    camera = result.diagnostics.rig.camera
     print(f"{name}: camera center off by {shift:.0f} mm; fx {camera.fx:.1f}, cx {camera.cx:.1f}, cy {camera.cy:.1f}")

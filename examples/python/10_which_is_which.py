@@ -25,6 +25,6 @@ plt.figure(figsize=(9, 6), layout="constrained")
 paired = [world_regions[world] for _, world in matches.pairs]
 observed = [image_regions[image] for image, _ in matches.pairs]
 names = [demo.regions[order[world]].name for _, world in matches.pairs]
-plt.imshow(rp.overlay_regions(demo.image, demo.camera, matches.estimate.pose, observed, paired, names))
+plt.imshow(rp.overlay_regions(demo.camera, demo.image, observed, paired, matches.estimate.pose, names))
 plt.axis("off")
 plt.show()

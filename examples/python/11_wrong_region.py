@@ -20,7 +20,7 @@ world_regions = [rp.WorldRegion.from_polygon(rings) for rings in outlines]
 
 estimate = rp.estimate_pose(demo.camera, image_regions, world_regions)
 for warning in estimate.warnings:
-    print(warning.code, "-", warning.message_for(names))
+    print(warning.code, "-", warning.text_with(names))
 truth = rp.Pose.from_parts(demo.rotation, demo.translation)
 turn = np.degrees((estimate.pose.rotation * truth.rotation.inv()).magnitude())
 print(f"the pose is off by {turn:.3f} deg all the same")
@@ -29,10 +29,10 @@ print(f"the pose is off by {turn:.3f} deg all the same")
 # The overlap error of each region shows which one it is.
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4), width_ratios=[3, 2], layout="constrained")
-left.imshow(rp.overlay_regions(demo.image, demo.camera, estimate.pose, image_regions, world_regions, names))
+left.imshow(rp.overlay_regions(demo.camera, demo.image, image_regions, world_regions, estimate.pose, names))
 left.set_axis_off()
 colors = ["#ff8c00" if k == wrong else "#0b5fa5" for k in range(len(names))]
-right.barh(names, 100 * estimate.region_overlap_errors, color=colors)
+right.barh(names, 100 * estimate.diagnostics.region_overlap_errors, color=colors)
 right.set(xlabel="overlap error, %")
 right.invert_yaxis()
 plt.show()

@@ -38,7 +38,7 @@ errors, sigmas = [], []
 for answer, truth in zip(answers, truths, strict=True):
     if isinstance(answer, rp.PoseEstimate) and answer.confidence > 0.9:
         errors.append(np.degrees((answer.pose.rotation * truth.rotation.inv()).magnitude()))
-        sigmas.append(np.linalg.norm(answer.rotation_sigma_deg))
+        sigmas.append(np.linalg.norm(answer.sigma.rotation_deg))
 figure, axes = plt.subplots(figsize=(5.5, 4), layout="constrained")
 axes.loglog(sigmas, errors, ".", alpha=0.6)
 axes.axline((0.1, 0.1), (1, 1), color="0.5", linewidth=1)

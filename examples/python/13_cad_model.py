@@ -33,7 +33,7 @@ polygons = [polygon + generator.normal(scale=0.4, size=polygon.shape) for polygo
 estimate = rp.estimate_pose(camera, [rp.ImageRegion.from_polygon(polygon) for polygon in polygons], world_regions)
 shift = 1000 * np.linalg.norm(estimate.pose.camera_center - camera_from_model.camera_center)
 print(estimate)
-print(f"camera center off by {shift:.1f} mm, sigma {np.round(1000 * estimate.translation_sigma_m, 1)} mm")
+print(f"camera center off by {shift:.1f} mm, sigma {np.round(1000 * estimate.sigma.translation_m, 1)} mm")
 
 # %%
 figure, axes = plt.subplots(figsize=(6, 4.5), layout="constrained")

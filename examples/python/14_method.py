@@ -74,10 +74,10 @@ plt.show()
 # **4. Contour fit.** The best poses are led onto the parts of the contours that are clean. What remains gives the
 # noise, the covariance and the confidence.
 
-print(f"boundary noise {estimate.boundary_noise_px:.2f} px")
-print(f"rotation sigma {np.round(estimate.rotation_sigma_deg, 4)} deg")
+print(f"boundary noise {estimate.diagnostics.boundary_noise_px:.2f} px")
+print(f"rotation sigma {np.round(estimate.sigma.rotation_deg, 4)} deg")
 print(f"confidence {100 * estimate.confidence:.2f} %")
 plt.figure(figsize=(9, 6), layout="constrained")
-plt.imshow(rp.overlay_regions(demo.image, demo.camera, pose, image_regions, world_regions))
+plt.imshow(rp.overlay_regions(demo.camera, demo.image, image_regions, world_regions, pose))
 plt.axis("off")
 plt.show()

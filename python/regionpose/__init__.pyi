@@ -1,6 +1,5 @@
 """Absolute pose of a central camera from planar regions, without correspondences; the public names and their homes."""
 
-from . import alignment as alignment
 from . import cameras as cameras
 from . import datasets as datasets
 from . import fusion as fusion
@@ -11,7 +10,6 @@ from . import scene as scene
 from . import segment as segment
 from . import solve as solve
 from .alignment.agreement import check_alignment as check_alignment
-from .alignment.calibration import Calibration as Calibration
 from .alignment.calibration import calibrate as calibrate
 from .alignment.frame import SceneFrame as SceneFrame
 from .cameras import FisheyeCamera as FisheyeCamera
@@ -32,10 +30,11 @@ from .solve.matching import match_regions as match_regions
 from .solve.options import Solver as Solver
 from .solve.prior import Prior as Prior
 from .solve.rig import Frame as Frame
-from .solve.rig import RigEstimate as RigEstimate
 from .solve.rig import estimate_rig as estimate_rig
 from .solve.single import estimate_pose as estimate_pose
+from .solve.status import PoseStatus as PoseStatus
 from .solve.warning import PoseWarning as PoseWarning
+from .solve.warning_code import WarningCode as WarningCode
 from .viz.overlays import overlay_depth as overlay_depth
 from .viz.overlays import overlay_regions as overlay_regions
 

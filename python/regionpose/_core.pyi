@@ -128,6 +128,8 @@ def estimate_batch(
 def work_done() -> int:
     """What this thread has counted so far of the work that bounds searches: edges that were looked at."""
 
+_WarningParts = tuple[str, list[int], dict[str, float | str | tuple[float, ...]]]
+
 @final
 class Projection:
     """The projection of a camera as a table over a cube of bearings."""
@@ -420,10 +422,8 @@ class Estimate:
         """(regions, ends (2, 3)) of each edge that two regions share."""
 
     @property
-    def warnings(self) -> list[tuple[str, str, list[int], dict[str, float | str]]]:
-        """(code, sentence, regions, values by name) of each warning; `{0}` in the sentence stands for the first
-        region.
-        """
+    def warnings(self) -> list[_WarningParts]:
+        """(code, regions, values by name) of each warning."""
 
     @property
     def evaluations(self) -> int:
@@ -507,7 +507,7 @@ class Problem:
         covariance: ArrayLike,
         *,
         limits: tuple[float, float] | None = None,
-    ) -> tuple[str, str, list[int], dict[str, float | str]] | None:
+    ) -> _WarningParts | None:
         """The warning, as of `Estimate.warnings`, of a pose of this covariance (6, 6) where that exceeds `limits`,
         degrees and a share of the distance; else None.
         """

@@ -298,7 +298,7 @@ fn most_turns_of_a_bitten_hexagon_are_answers() {
             answers.iter().any(|answer| answer.angle_to(&turned) < 0.02)
         };
         found += (1..6).filter(is_answer).count();
-        assert_eq!(estimate.warnings[0].code(), "ambiguous", "seed {seed}");
+        assert_eq!(estimate.warnings[0].code(), "ambiguous-pose", "seed {seed}");
     }
     assert!(found >= 32, "{found} of 40 turns");
 }

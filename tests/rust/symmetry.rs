@@ -83,7 +83,7 @@ fn all_turns_of_a_disturbed_hexagon_are_answers() {
             .map(|solution| solution.mode_probability)
             .sum();
         assert!(shared <= 1.0 && estimate.best.confidence < 0.3, "{} of {shared}", estimate.best.confidence);
-        assert_eq!(estimate.warnings[0].code(), "ambiguous");
+        assert_eq!(estimate.warnings[0].code(), "ambiguous-pose");
     }
 }
 

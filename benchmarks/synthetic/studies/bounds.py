@@ -86,10 +86,10 @@ def undisturbed_pieces(problem: StudyProblem) -> tuple[Array, Array]:
         return np.zeros(0), np.zeros((0, 6))
     images = [problem.image_regions[place] for place in right]
     true = contours_of(
-        scene.camera, pose, images, [world_region(scene.regions[problem.kept[place]]) for place in right]
+        scene.camera, images, [world_region(scene.regions[problem.kept[place]]) for place in right], pose
     )
-    given = contours_of(scene.camera, pose, images, [problem.world_regions[place] for place in right])
-    distances, others = distances_of(scene.camera, pose, true), distances_of(scene.camera, pose, given)
+    given = contours_of(scene.camera, images, [problem.world_regions[place] for place in right], pose)
+    distances, others = distances_of(scene.camera, true, pose), distances_of(scene.camera, given, pose)
     if distances is None or others is None:
         return np.zeros(0), np.zeros((0, 6))
     clean = np.abs(distances.values) < UNDISTURBED_PX

@@ -94,8 +94,8 @@ def solved_row(
     problem: StudyProblem, estimate: PoseEstimate, prepare_s: float, estimate_s: float, bound: PoseBound | None = None
 ) -> Row:
     """The outcome of an estimate, with the bound of its errors where that was asked for."""
-    answers = [estimate.pose, *(alternative.pose for alternative in estimate.alternatives)]
-    covariances = [estimate.covariance, *(alternative.covariance for alternative in estimate.alternatives)]
+    answers = [estimate.pose, *(alternative.pose for alternative in estimate.diagnostics.alternatives)]
+    covariances = [estimate.covariance, *(alternative.covariance for alternative in estimate.diagnostics.alternatives)]
     rank = int(np.argmin([displacement(problem, pose) for pose in answers]))
     nearest = judged(problem, answers[rank])
     codes = [warning.code for warning in estimate.warnings]
@@ -105,21 +105,21 @@ def solved_row(
         **{f"{NEAREST}{name}": value for name, value in nearest.items()},
         "nearest_rank": rank,
         "answers": len(answers),
-        "ambiguous": "ambiguous" in codes,
+        "ambiguous": "ambiguous-pose" in codes,
         "warnings": ";".join(codes),
         "outlier_named": outlier_named(problem, estimate),
         "regions_untold": len(set(problem.wrong) - regions_named(estimate, NAMED)),
         "regions_accused": len(regions_named(estimate, ACCUSED) - set(problem.wrong)),
         "confidence": float(estimate.confidence),
-        "observed_overlap_error": float(estimate.overlap_error),
-        "boundary_noise_px": float(estimate.boundary_noise_px),
+        "observed_overlap_error": float(estimate.diagnostics.overlap_error),
+        "boundary_noise_px": float(estimate.diagnostics.boundary_noise_px),
         **_sigmas(estimate),
         "error_sigmas": error_sigmas(problem, estimate.pose, estimate.covariance),
         "mahalanobis_squared": mahalanobis_squared(problem, answers[rank], covariances[rank]),
         "bound_rotation_deg": None if bound is None else bound.rotation_deg,
         "bound_translation_m": None if bound is None else bound.translation_m,
-        "converged": bool(estimate.converged),
-        "evaluations": int(estimate.evaluations),
+        "converged": bool(estimate.diagnostics.converged),
+        "evaluations": int(estimate.diagnostics.evaluations),
         **_drawn(problem),
         "prepare_s": prepare_s,
         "estimate_s": estimate_s,
@@ -220,7 +220,7 @@ def mahalanobis_squared(problem: StudyProblem, pose: Pose, covariance: Array) ->
 
 
 def _sigmas(estimate: PoseEstimate) -> Row:
-    turns, shifts = estimate.rotation_sigma_deg.tolist(), estimate.translation_sigma_m.tolist()
+    turns, shifts = estimate.sigma.rotation_deg.tolist(), estimate.sigma.translation_m.tolist()
     return {
         **{f"sigma_rotation_{axis}_deg": value for axis, value in zip(AXES, turns, strict=True)},
         **{f"sigma_translation_{axis}_m": value for axis, value in zip(AXES, shifts, strict=True)},

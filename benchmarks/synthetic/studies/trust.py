@@ -13,7 +13,7 @@ RIGHT_DEG, WRONG_DEG = 1.0, 5.0
 MOST_SIGMAS = 3.0
 """Errors over their standard deviations up to which these can be used: of a trusted pose 99 of 100 are to be."""
 
-AMBIGUOUS_CODES = {"ambiguous", "ambiguous-region"}
+AMBIGUOUS_CODES = {"ambiguous-pose", "ambiguous-region"}
 REGION_CODES = {"outlier-region", "poor-overlap"}
 """Codes of warnings that may have a cause in the problem itself: symmetric shapes, and regions that are wrong."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,14 +13,14 @@ from regionpose.alignment.frame import SceneFrame
 from regionpose.alignment.odds import HIDDEN
 from regionpose.alignment.photo import Photo
 from regionpose.alignment.pose_search import Density, log_mass, search_about
-from regionpose.alignment.visibility import Occlusion, occlusions
+from regionpose.alignment.visibility import occlusions
 from regionpose.cameras import Camera
 from regionpose.geometry.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
+from regionpose.solve.edge_diagnostics import Alignment
 from regionpose.solve.prior import Prior
 from regionpose.validation.arguments import checked_arguments
-from regionpose.validation.arrays import KeptArrays
 
 Array = NDArray[np.float64]
 
@@ -30,52 +29,11 @@ TOLERANCE_DEG, TOLERANCE_M = 0.5, 0.1
 regions, calibrations and the times of photo and scan leave open. Conventions."""
 
 
-@dataclass(frozen=True, eq=False)
-class Alignment(KeptArrays):
-    """How well photo and cloud agree at a pose (docs/math.md, section 18).
-
-    Parameters
-    ----------
-    places : (n, 2) array
-        Pixels of the photo where the cloud's edges, of depth and of intensity, are seen at the pose.
-    agrees : (n,) array of bool
-        Whether the photo more likely than not shows an edge there.
-    edge_log_odds : float
-        Logarithm of the odds that edges agree at a pose within half a degree and 10 cm (1 sigma) of this one, rather
-        than by chance; 0 where none are in view.
-    nearest : Pose
-        The likeliest of these poses; the pose itself where none is likelier than chance.
-    occlusions : tuple of Occlusion
-        How much of each region the cloud hides; empty where no regions of the world were given.
-    """
-
-    places: Array
-    agrees: NDArray[np.bool_]
-    edge_log_odds: float
-    nearest: Pose
-    occlusions: tuple[Occlusion, ...] = ()
-
-    @property
-    def log_odds(self) -> float:
-        """Logarithm of the odds for the pose that the agreement makes, and what it hides."""
-        return self.edge_log_odds + (HIDDEN if any(each.is_hidden for each in self.occlusions) else 0.0)
-
-    @property
-    def share(self) -> float:
-        """Share of the cloud's edges in view that lie on edges of the photo; NaN without any."""
-        return float(np.mean(self.agrees)) if len(self.agrees) else float("nan")
-
-    def __repr__(self) -> str:
-        """What it says, in numbers."""
-        hidden = f", hidden={sum(each.is_hidden for each in self.occlusions)}" if self.occlusions else ""
-        return f"Alignment(edges={len(self.places)}, share={self.share:.2f}, log_odds={self.log_odds:.2f}{hidden})"
-
-
 @checked_arguments
 def check_alignment(
+    camera: Camera,
     image: ArrayLike | Photo,
     points: ArrayLike,
-    camera: Camera,
     pose: Pose,
     *,
     regions: Sequence[ImageRegion] = (),
@@ -89,12 +47,12 @@ def check_alignment(
 
     Parameters
     ----------
+    camera : Camera
+        That took the photo.
     image : (h, w) or (h, w, 3) array, or Photo
         uint8, uint16 or floats in [0, 1]; a `Photo` of it saves work for more than one pose.
     points : (n, 3) array
         World coordinates, meters.
-    camera : Camera
-        That took the photo.
     pose : Pose
         `camera_from_world`.
     regions : sequence of ImageRegion
@@ -117,13 +75,14 @@ def check_alignment(
 
 def aligned(frame: SceneFrame, edges: EdgeFrame, pose: Pose) -> Alignment:
     """How well a frame's photo and cloud agree at a pose, by their `edges`."""
-    hidden = occlusions(frame.regions, frame.world_regions, frame.points, frame.camera, pose)
+    hidden = occlusions(frame.camera, frame.regions, frame.world_regions, frame.points, pose)
     places, agrees = _seen(frame.photo, edges, pose)
     near = Prior(initial=pose, initial_rotation_sigma_deg=TOLERANCE_DEG, initial_center_sigma_m=TOLERANCE_M)
     modes = search_about([edges], pose, Density.of_prior(near, edges.origin)) if len(places) else []
     odds = log_mass(modes) if modes else 0.0
     nearest = modes[0].pose if odds > 0.0 else pose
-    return Alignment(frame.photo.pixels(places), agrees, odds, nearest, hidden)
+    whole = odds + (HIDDEN if any(each.is_hidden for each in hidden) else 0.0)
+    return Alignment(frame.photo.pixels(places), agrees, odds, whole, nearest, hidden)
 
 
 def _seen(photo: Photo, edges: EdgeFrame, pose: Pose) -> tuple[Array, NDArray[np.bool_]]:

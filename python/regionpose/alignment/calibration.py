@@ -5,117 +5,33 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionpose.alignment.agreement import Alignment, aligned
+from regionpose.alignment.agreement import aligned
 from regionpose.alignment.edge_frame import EdgeFrame
 from regionpose.alignment.explanations import explained_by_edges, explained_with_regions, without_calibration
-from regionpose.alignment.focal import ByFocal, FocalEvidence, focal_evidence
+from regionpose.alignment.focal import ByFocal, focal_evidence
 from regionpose.alignment.frame import SceneFrame
 from regionpose.alignment.hypotheses import answers_of, is_same, places_of
 from regionpose.alignment.judgment import Judgment, hidden_regions
-from regionpose.alignment.pose_search import EdgeMode
 from regionpose.alignment.region_evidence import RegionEvidence
 from regionpose.alignment.visibility import occlusions
 from regionpose.geometry.pose import Pose
 from regionpose.progress import Progress, part
-from regionpose.solve.estimate import PoseError, PoseEstimate
+from regionpose.solve.estimate import EdgeDiagnostics, PoseError, PoseEstimate, RegionsOnly
 from regionpose.solve.options import Solver, checked_solver
 from regionpose.solve.prior import MOUNT_SIGMA_M, Prior
 from regionpose.validation.arguments import checked_arguments
-from regionpose.validation.arrays import KeptArrays, finite_array
+from regionpose.validation.arrays import finite_array
 
 Array = NDArray[np.float64]
 
 SEARCHED, FOCAL_TRIED = 0.75, 0.95
 """Shares of the time after which maxima are found, and other focal lengths tried: about those of a
 street frame, for who waits."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Calibration(KeptArrays):
-    """A pose by photos and clouds, and by regions where there are some, and what it was found by.
-
-    Parameters
-    ----------
-    estimate : PoseEstimate
-        The pose with its covariance, confidence, warnings and `alternatives`: other places, likeliest first. Without
-        regions it has no overlap errors (NaN).
-    prior : Prior
-        What was searched: the given prior, and what was assumed where that says nothing.
-    assumed : tuple of str
-        Names of the prior's fields that were assumed.
-    log_odds : float
-        Logarithm of the odds that photo and cloud agree at the pose rather than by chance: anywhere in the prior, or
-        about the regions' answer where the pose is one of these.
-    lead : float
-        The logarithm of the odds of the pose over the likeliest other place; infinite where there is none.
-    edges : int
-        How many edges of the clouds are in view at the pose, away from the regions.
-    modes : tuple of EdgeMode
-        All maxima of the posterior by edges, of the largest mass first.
-    alignments : tuple of Alignment
-        How well photo and cloud of each frame agree at the pose.
-    regions : PoseEstimate or None
-        What the regions say alone; None without any.
-    focal : FocalEvidence or None
-        What the edges say of the focal lengths; None of cameras that have none.
-    """
-
-    estimate: PoseEstimate
-    prior: Prior
-    assumed: tuple[str, ...]
-    log_odds: float
-    lead: float
-    edges: int
-    modes: tuple[EdgeMode, ...]
-    alignments: tuple[Alignment, ...]
-    regions: PoseEstimate | None = None
-    focal: FocalEvidence | None = None
-
-    @property
-    def pose(self) -> Pose:
-        """The camera's, `camera_from_world`."""
-        return self.estimate.pose
-
-    @property
-    def rank_before(self) -> int | None:
-        """The place of the pose among the answers of the regions alone, from 0; None where it is none of them."""
-        if self.regions is None:
-            return None
-        answers = enumerate(answers_of(self.regions))
-        return next((number for number, answer in answers if is_same(answer.pose, self.pose)), None)
-
-    @property
-    def before(self) -> Pose | None:
-        """The answer of the regions that the pose is about; None where it is about none."""
-        if self.regions is None or self.rank_before is None:
-            return None
-        return answers_of(self.regions)[self.rank_before].pose
-
-    @property
-    def is_refined(self) -> bool:
-        """Whether edges say more than the regions' answer by itself."""
-        return self.before is not None and bool(self.turned_deg > 0.0 or self.moved_m > 0.0)
-
-    @property
-    def turned_deg(self) -> float:
-        """The angle between the pose and the regions' answer that it is about, degrees; NaN without."""
-        before = self.before
-        return np.nan if before is None else float(np.degrees((self.pose.rotation * before.rotation.inv()).magnitude()))
-
-    @property
-    def moved_m(self) -> float:
-        """The distance between their camera centers, meters; NaN without."""
-        before = self.before
-        return np.nan if before is None else float(np.linalg.norm(self.pose.camera_center - before.camera_center))
-
-    def __repr__(self) -> str:
-        """The estimate, and how far it leads."""
-        return f"Calibration({self.estimate!r}, log_odds={self.log_odds:.1f}, lead={self.lead:.1f})"
 
 
 @checked_arguments
@@ -126,7 +42,7 @@ def calibrate(
     sensor_origin: ArrayLike | None = None,
     solver: Solver | None = None,
     progress: Progress | None = None,
-) -> Calibration:
+) -> PoseEstimate:
     """The pose of a camera in the frame of a scanner, from photos and clouds, and regions where frames have some.
 
     The edges of the clouds, of depth and intensity, are laid on those of the photos at tens of thousands of poses that
@@ -154,7 +70,10 @@ def calibrate(
 
     Returns
     -------
-    Calibration
+    PoseEstimate
+        The pose with its covariance, confidence and warnings. `diagnostics.edges` holds what edges say, what was
+        searched and what was assumed for that, and the estimate of the regions without edges;
+        `diagnostics.alternatives` other places, likeliest first. Without regions it has no overlap errors (NaN).
 
     Raises
     ------
@@ -178,7 +97,7 @@ def calibrate_with(
     sensor_origin: ArrayLike | None,
     solver: Solver,
     progress: Progress | None = None,
-) -> Calibration:
+) -> PoseEstimate:
     """As `calibrate`, of frames whose `regions` were looked at before."""
     by_regions = None if regions is None else regions.estimate
     known, assumed, origin = _assumed(prior, sensor_origin, by_regions)
@@ -206,27 +125,37 @@ def calibrate_with(
     else:
         estimate = judgment.with_regions(regions, by_regions)
     alignments = tuple(aligned(frame, one, estimate.pose) for frame, one in zip(frames, edges, strict=True))
-    if regions is not None:
-        hidden_ones = hidden_regions(alignments, regions.starts)
-        estimate = replace(estimate, warnings=(*estimate.warnings, *hidden_ones))
+    hidden_ones = () if regions is None else hidden_regions(alignments, regions.starts)
     report(1.0)
-    return Calibration(
-        estimate=estimate,
+    found = EdgeDiagnostics(
         prior=known,
         assumed=assumed,
         log_odds=explained.log_odds(places[0]),
-        lead=float(places[0].log_weight - places[1].log_weight) if len(places) > 1 else np.inf,
-        edges=sum(len(alignment.places) for alignment in alignments),
+        log_odds_over_next=float(places[0].log_weight - places[1].log_weight) if len(places) > 1 else np.inf,
+        count=sum(len(alignment.places) for alignment in alignments),
         modes=explained.modes,
         alignments=alignments,
-        regions=by_regions,
         focal=focal,
+        regions_only=None if by_regions is None else _regions_only(by_regions, estimate.pose),
     )
+    diagnostics = replace(estimate.diagnostics, edges=found)
+    return replace(estimate, warnings=(*estimate.warnings, *hidden_ones), diagnostics=diagnostics)
+
+
+def _regions_only(estimate: PoseEstimate, pose: Pose) -> RegionsOnly:
+    """The estimate by regions alone beside the pose that edges led to."""
+    answers = enumerate(answers_of(estimate))
+    rank, answer = next(((k + 1, each.pose) for k, each in answers if is_same(each.pose, pose)), (None, None))
+    if answer is None:
+        return RegionsOnly(estimate, None, None, np.nan, np.nan)
+    rotation_deg = float(np.degrees((pose.rotation * answer.rotation.inv()).magnitude()))
+    shift_m = float(np.linalg.norm(pose.camera_center - answer.camera_center))
+    return RegionsOnly(estimate, rank, answer, rotation_deg, shift_m)
 
 
 def _hides(frames: Sequence[SceneFrame], pose: Pose) -> bool:
     """Whether the clouds hide a region at a pose."""
-    found = (occlusions(frame.regions, frame.world_regions, frame.points, frame.camera, pose) for frame in frames)
+    found = (occlusions(frame.camera, frame.regions, frame.world_regions, frame.points, pose) for frame in frames)
     return any(each.is_hidden for of_frame in found for each in of_frame)
 
 

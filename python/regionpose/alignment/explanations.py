@@ -14,8 +14,9 @@ from scipy.special import expit
 from regionpose.alignment.edge_frame import EdgeFrame
 from regionpose.alignment.hypotheses import Hypothesis, Place, answers_of, log_sum, priors_of
 from regionpose.alignment.odds import CHANCE_PRIOR, SILENT_PRIOR
-from regionpose.alignment.pose_search import Density, EdgeMode, search_about, search_prior
+from regionpose.alignment.pose_search import Density, search_about, search_prior
 from regionpose.progress import Progress, part, with_progress
+from regionpose.solve.edge_diagnostics import EdgeMode
 from regionpose.solve.estimate import PoseEstimate
 from regionpose.solve.options import Solver
 from regionpose.solve.prior import Prior
@@ -102,9 +103,9 @@ def without_calibration(estimate: PoseEstimate, solver: Solver) -> PoseEstimate:
     """The estimate with the covariance that it has if focal lengths and image center are without error: what an error
     of these does to regions and edges alike is added after.
     """
-    if not np.isfinite(estimate.covariance).all() or not np.isfinite(estimate.focal_shift).all():
+    if not np.isfinite(estimate.covariance).all() or not np.isfinite(estimate.diagnostics.focal_shift).all():
         return estimate
-    calibration = solver.calibration_covariance(estimate.focal_shift, estimate.pixel_angle_rad)
+    calibration = solver.calibration_covariance(estimate.diagnostics.focal_shift, estimate.diagnostics.pixel_angle_rad)
     return replace(estimate, covariance=estimate.covariance - calibration)
 
 

@@ -15,15 +15,14 @@ from regionpose import _core
 from regionpose.alignment.edge_frame import EdgeFrame
 from regionpose.alignment.explanations import is_covariance
 from regionpose.alignment.hypotheses import Hypothesis
-from regionpose.alignment.odds import DECISIVE, SHARED_ERROR_PRIOR
-from regionpose.alignment.pose_search import Density, EdgeMode, log_mass
+from regionpose.alignment.odds import SHARED_ERROR_PRIOR
+from regionpose.alignment.pose_search import Density, log_mass
 from regionpose.cameras.matrix import MatrixCamera
 from regionpose.geometry.pose import Pose
 from regionpose.progress import Progress, part, with_progress
+from regionpose.solve.edge_diagnostics import EdgeMode, FocalEvidence
 from regionpose.solve.estimate import PoseEstimate
 from regionpose.solve.prior import Prior
-from regionpose.solve.warning import PoseWarning
-from regionpose.validation.arrays import KeptArrays
 
 Array = NDArray[np.float64]
 
@@ -44,42 +43,6 @@ NEARBY_M = 0.1
 
 CLOSER = 3
 """How many of them, the likeliest, are looked at more closely."""
-
-
-@dataclass(frozen=True, eq=False)
-class FocalEvidence(KeptArrays):
-    """What the edges of photos and clouds say of the focal lengths.
-
-    Parameters
-    ----------
-    log_odds : float
-        Logarithm of the odds that they are the given ones, against others.
-    factor : float
-        By which the given ones are multiplied where photo and cloud agree best.
-    shift : (6,) array
-        Left increment of the pose, rad and meters, if they are a percent longer, to first order.
-    """
-
-    log_odds: float
-    factor: float
-    shift: Array
-
-    @property
-    def shift_m(self) -> float:
-        """How far a percent moves the camera center, meters."""
-        return float(np.linalg.norm(self.shift[3:]))
-
-    @property
-    def warnings(self) -> tuple[PoseWarning, ...]:
-        """That other focal lengths are likelier, in spite of what a calibration counts."""
-        if self.log_odds > -DECISIVE:
-            return ()
-        text = (
-            "photo and cloud agree better with focal lengths {factor:.2f} times as long, by odds of e^{log_odds:.0f} to"
-            " 1"
-        )
-        values = {"factor": self.factor, "log_odds": -self.log_odds}
-        return (PoseWarning("focal-contradicted", text, (), values),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +104,7 @@ class ByFocal:
     @property
     def shift(self) -> Array:
         """The derivative (6,) of the regions' pose by the logarithm; zero of a prior's, and where it isn't known."""
-        return np.zeros(6) if isinstance(self.about, Prior) else np.nan_to_num(self.about.focal_shift)
+        return np.zeros(6) if isinstance(self.about, Prior) else np.nan_to_num(self.about.diagnostics.focal_shift)
 
 
 def focal_evidence(by_focal: ByFocal, best: Hypothesis, progress: Progress | None = None) -> FocalEvidence:

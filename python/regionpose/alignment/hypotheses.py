@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from regionpose import _core
 from regionpose.alignment.odds import HIDDEN, SHARED_ERROR_PRIOR
-from regionpose.alignment.pose_search import EdgeMode
 from regionpose.geometry.pose import Pose
+from regionpose.solve.edge_diagnostics import EdgeMode
 from regionpose.solve.estimate import Alternative, PoseEstimate
 
 Array = NDArray[np.float64]
@@ -100,14 +100,15 @@ def is_same(pose: Pose, other: Pose) -> bool:
 
 def answers_of(estimate: PoseEstimate) -> list[PoseEstimate | Alternative]:
     """The answers of an estimate of regions, the likeliest first."""
-    return [estimate, *estimate.alternatives]
+    return [estimate, *estimate.diagnostics.alternatives]
 
 
 def priors_of(estimate: PoseEstimate, hidden: Sequence[bool]) -> Array:
     """Probabilities (n,) of the answers of an estimate before edges are looked at: that each is the right place, of
     which some hide a region; what they leave of 1 is that none is.
     """
-    shares = np.array([answer.mode_probability for answer in answers_of(estimate)])
+    others = [other.mode_probability for other in estimate.diagnostics.alternatives]
+    shares = np.array([estimate.diagnostics.mode_probability, *others])
     near = np.array([_nearness(answer.covariance) for answer in answers_of(estimate)])
     shares = np.clip(shares / np.maximum(near, 1e-12), 0.0, 1.0)
     shares /= max(float(shares.sum()), 1.0)

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from scipy.special import chdtri, expit
 
 from regionpose import _core
-from regionpose.alignment.agreement import Alignment
 from regionpose.alignment.edge_frame import EdgeFrame
-from regionpose.alignment.focal import FocalEvidence
 from regionpose.alignment.hypotheses import Place, answers_of, confidences_of
+from regionpose.alignment.odds import DECISIVE
 from regionpose.alignment.region_evidence import RegionEvidence
-from regionpose.alignment.visibility import Occlusion
-from regionpose.solve.estimate import Alternative, PoseEstimate
+from regionpose.solve.edge_diagnostics import Alignment, FocalEvidence, Occlusion
+from regionpose.solve.estimate import Alternative, Diagnostics, PoseEstimate
 from regionpose.solve.options import Solver
 from regionpose.solve.warning import PoseWarning
+from regionpose.solve.warning_code import WarningCode
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,10 @@ may lack."""
 LISTED_SHARE = 1e-3
 """Least probability of a place by edges alone that is listed beside answers of regions: a convention."""
 
-OF_CONFIDENCE = {"ambiguous", "ambiguous-region", "low-confidence"}
+OF_AMBIGUITY = {WarningCode.AMBIGUOUS_POSE, WarningCode.AMBIGUOUS_REGION}
+"""Warnings that other poses fit about as well."""
+
+OF_CONFIDENCE = {*OF_AMBIGUITY, WarningCode.LOW_CONFIDENCE}
 """Warnings that say no more than that the confidence is low."""
 
 MOST_MOVED = float(np.sqrt(chdtri(6.0, 0.0027)))
@@ -54,17 +57,13 @@ class Judgment:
         """The estimate of the likeliest place without regions."""
         shift = self._focal_shift(np.zeros(6))
         covariance, shares = self._covariance(shift, self._pixel_angle), self._shares
-        estimate = PoseEstimate(
-            pose=self.places[0].best.pose,
-            covariance=covariance,
-            confidence=float(shares[0]) * _core.nearness(covariance),
+        diagnostics = Diagnostics(
             mode_probability=float(shares[0]),
             overlap_error=np.nan,
             region_overlap_errors=np.empty(0),
             boundary_noise_px=np.nan,
             outlier_fraction=None,
             alternatives=self._alternatives(None),
-            warnings=(),
             converged=True,
             termination="a maximum of the posterior",
             evaluations=0,
@@ -72,6 +71,8 @@ class Judgment:
             focal_shift=shift,
             pixel_angle_rad=self._pixel_angle,
         )
+        confidence = float(shares[0]) * _core.nearness(covariance)
+        estimate = PoseEstimate(self.places[0].best.pose, covariance, confidence, (), diagnostics)
         warnings = [*self._of_focal, *_ambiguity(estimate, None), *_weakness(estimate, self.solver)]
         return replace(estimate, warnings=(*warnings, *_doubt(estimate, warnings)))
 
@@ -80,17 +81,18 @@ class Judgment:
         those by which places are numbered.
         """
         best, shares, base = self.places[0].best, self._shares, regions.estimate
-        shift = self._focal_shift(base.focal_shift)
-        covariance = self._covariance(shift, base.pixel_angle_rad)
+        shift = self._focal_shift(base.diagnostics.focal_shift)
+        covariance = self._covariance(shift, base.diagnostics.pixel_angle_rad)
         moved = regions.moved(best.pose, covariance, self.solver)
         near = _core.nearness(covariance) if np.isfinite(covariance).all() else 1.0
-        estimate = replace(
-            moved,
-            confidence=float(shares[0]) * near,
-            mode_probability=float(shares[0]) * near,
+        confidence = float(shares[0]) * near
+        diagnostics = replace(
+            moved.diagnostics,
+            mode_probability=confidence,
             alternatives=self._alternatives(answers),
             focal_shift=shift,
         )
+        estimate = replace(moved, confidence=confidence, diagnostics=diagnostics)
         kept = [warning for warning in moved.warnings if warning.code not in OF_CONFIDENCE]
         warnings = [*kept, *self._of_focal, *_ambiguity(estimate, answers), *self._contradiction(base)]
         warnings += self._disagreement(answers, estimate.confidence)
@@ -108,7 +110,11 @@ class Judgment:
 
     @property
     def _of_focal(self) -> tuple[PoseWarning, ...]:
-        return () if self.focal is None else self.focal.warnings
+        """That other focal lengths are likelier, in spite of what a calibration counts."""
+        if self.focal is None or self.focal.log_odds > -DECISIVE:
+            return ()
+        values = {"factor": self.focal.factor, "log_odds": -self.focal.log_odds}
+        return (PoseWarning(WarningCode.FOCAL_LENGTH_CONFLICT, values=values),)
 
     def _focal_shift(self, default: Array) -> Array:
         """The derivative (6,) of the pose by the logarithm of the focal lengths."""
@@ -129,8 +135,9 @@ class Judgment:
             answer = None if place.answer is None else answers[place.answer]
             if regions is not None and answer is None and share < LISTED_SHARE:
                 continue
-            errors = np.empty(0) if answer is None else answer.region_overlap_errors
-            whole = np.nan if answer is None else answer.overlap_error
+            fit = answer.diagnostics if isinstance(answer, PoseEstimate) else answer
+            errors = np.empty(0) if fit is None else fit.region_overlap_errors
+            whole = np.nan if fit is None else fit.overlap_error
             covariance = place.covariance(np.zeros((6, 6)))
             found.append(Alternative(place.best.pose, covariance, share, share, whole, errors))
         return tuple(found)
@@ -145,13 +152,8 @@ class Judgment:
         if sigmas <= MOST_MOVED:
             return []
         turned, shift = float(np.degrees(np.linalg.norm(increment[:3]))), float(np.linalg.norm(increment[3:]))
-        text = (
-            "photo and cloud away from the regions lead to a pose {rotation_deg:.2f} deg and {shift_m:.3f} m from that"
-            " of the regions, {sigmas:.1f} of its standard deviations: one of them is wrong"
-        )
-        return [
-            PoseWarning("regions-contradicted", text, (), {"rotation_deg": turned, "shift_m": shift, "sigmas": sigmas})
-        ]
+        values = {"rotation_deg": turned, "shift_m": shift, "sigmas": sigmas}
+        return [PoseWarning(WarningCode.REGION_EDGE_CONFLICT, values=values)]
 
     def _disagreement(self, regions: PoseEstimate, confidence: float) -> list[PoseWarning]:
         """A warning where edges are in view at the pose of regions and lie on those of the photo no better than by
@@ -160,12 +162,8 @@ class Judgment:
         agreeing = [each.log_weight for each in self.places[0].hypotheses if each.mode is not None]
         if not (agreeing and self.places[0].best.mode is None and confidence < _core.TRUSTED <= regions.confidence):
             return []
-        text = (
-            "away from the regions photo and cloud do not agree at this pose; the confidence falls from"
-            " {confidence_before:.1f} % to {confidence:.1f} %"
-        )
-        values = {"confidence_before": 100.0 * regions.confidence, "confidence": 100.0 * confidence}
-        return [PoseWarning("scene-disagrees", text, (), values)]
+        values = {"confidence_before": regions.confidence, "confidence": confidence}
+        return [PoseWarning(WarningCode.EDGE_MISMATCH, values=values)]
 
 
 def hidden_regions(alignments: Sequence[Alignment], starts: Sequence[int]) -> Iterator[PoseWarning]:
@@ -177,62 +175,47 @@ def hidden_regions(alignments: Sequence[Alignment], starts: Sequence[int]) -> It
 
 
 def _hidden_region(region: int, occlusion: Occlusion) -> PoseWarning:
-    text = (
-        "the photo shows {0}, but at this pose {percent:.0f} % of it would be hidden by what the cloud has"
-        " {distance_m:.1f} m from the camera, before the region at {region_distance_m:.1f} m"
-    )
     values = {
-        "percent": 100.0 * occlusion.share,
+        "hidden_share": occlusion.share,
         "distance_m": occlusion.distance_m,
         "region_distance_m": occlusion.region_distance_m,
     }
-    return PoseWarning("hidden-region", text, (region,), values)
+    return PoseWarning(WarningCode.OCCLUDED_REGION, (region,), values)
 
 
 def _ambiguity(estimate: PoseEstimate, regions: PoseEstimate | None) -> list[PoseWarning]:
     """That other places are about as likely; what regions said of that where they did, who name the one at fault."""
-    others = [other for other in estimate.alternatives if other.mode_probability > AMBIGUOUS_SHARE]
+    others = [other for other in estimate.diagnostics.alternatives if other.mode_probability > AMBIGUOUS_SHARE]
     if not others:
         return []
-    said = [] if regions is None else [each for each in regions.warnings if each.code.startswith("ambiguous")]
+    said = [] if regions is None else [each for each in regions.warnings if each.code in OF_AMBIGUITY]
     if said:
         return said
     turns = [np.degrees((other.pose.rotation * estimate.pose.rotation.inv()).magnitude()) for other in others]
     moves = [float(np.linalg.norm(other.pose.camera_center - estimate.pose.camera_center)) for other in others]
-    text = (
-        "photo and cloud agree about as well at {count:.0f} other poses, turned by {turned_deg:.0f} deg and moved"
-        " by {moved_m:.1f} m or more"
-    )
-    values = {"count": float(len(others)), "turned_deg": float(min(turns)), "moved_m": min(moves)}
-    return [PoseWarning("ambiguous", text, (), values)]
+    values = {"others": len(others), "rotation_deg": float(min(turns)), "shift_m": min(moves)}
+    return [PoseWarning(WarningCode.AMBIGUOUS_POSE, values=values)]
 
 
 def _weakness(estimate: PoseEstimate, solver: Solver) -> list[PoseWarning]:
     """That the deviations of an estimate by edges are larger than those of a trusted pose."""
     most_deg, share = solver.limits
-    turn, shift = float(estimate.rotation_sigma_deg.max()), float(estimate.translation_sigma_m.max())
+    turn, shift = float(estimate.sigma.rotation_deg.max()), float(estimate.sigma.translation_m.max())
     # So, for NaN, too.
-    if turn <= most_deg and shift <= share * estimate.distance_m:
+    if turn <= most_deg and shift <= share * estimate.diagnostics.distance_m:
         return []
-    text = (
-        "standard deviations of {rotation_deg:.2f} deg and {translation_mm:.0f} mm exceed the limits of"
-        " {most_deg:.2f} deg and {most_mm:.0f} mm"
-    )
     values = {
-        "rotation_deg": turn,
-        "translation_mm": 1000.0 * shift,
-        "most_deg": most_deg,
-        "most_mm": 1000.0 * share * estimate.distance_m,
+        "rotation_sigma_deg": turn,
+        "translation_sigma_m": shift,
+        "max_rotation_sigma_deg": most_deg,
+        "max_translation_sigma_m": share * estimate.diagnostics.distance_m,
     }
-    return [PoseWarning("weak-geometry", text, (), values)]
+    return [PoseWarning(WarningCode.WEAK_GEOMETRY, values=values)]
 
 
 def _doubt(estimate: PoseEstimate, warnings: Sequence[PoseWarning]) -> list[PoseWarning]:
     """A low confidence, where no other warning explains it."""
-    causes = {"ambiguous", "ambiguous-region", "scene-disagrees", "focal-contradicted"}
+    causes = {*OF_AMBIGUITY, WarningCode.EDGE_MISMATCH, WarningCode.FOCAL_LENGTH_CONFLICT}
     if estimate.confidence >= _core.TRUSTED or any(warning.code in causes for warning in warnings):
         return []
-    text = "too few edges of photo and cloud agree: confidence {percent:.0f} %"
-    if len(estimate.region_overlap_errors):
-        text = "the confidence is {percent:.1f} %"
-    return [PoseWarning("low-confidence", text, (), {"percent": 100.0 * estimate.confidence})]
+    return [PoseWarning(WarningCode.LOW_CONFIDENCE, values={"confidence": estimate.confidence})]

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +16,8 @@ from regionpose import _core
 from regionpose.alignment.edge_frame import EdgeFrame
 from regionpose.geometry.pose import Pose
 from regionpose.progress import Progress, check_wanted, part, with_progress
+from regionpose.solve.edge_diagnostics import EdgeMode
 from regionpose.solve.prior import Prior
-from regionpose.validation.arrays import KeptArrays
 
 Array = NDArray[np.float64]
 
@@ -38,32 +38,6 @@ found anew. Measured: of one to five street frames on two cores."""
 ANEW_M = 0.02
 """How far the likeliest camera center may lie from where edges are seen from: what moves edges of things 10 m away by a
 tenth of a degree against those behind them."""
-
-
-@dataclass(frozen=True, eq=False)
-class EdgeMode(KeptArrays):
-    """A maximum of the posterior of the pose by edges.
-
-    Parameters
-    ----------
-    pose : Pose
-        `camera_from_world`.
-    covariance : (6, 6) array
-        Of its left increment, rad and meters, by the edges' noise alone.
-    log_mass : float
-        Logarithm of the integral of the posterior about it, where that of the prior is 1: the log odds that photo and
-        cloud agree there rather than by chance anywhere.
-    log_ratio : float
-        Logarithm of the likelihood ratio at the maximum itself.
-    edges : int
-        How many edges of the cloud the photo shows there, of all frames.
-    """
-
-    pose: Pose
-    covariance: Array
-    log_mass: float
-    log_ratio: float
-    edges: int
 
 
 def search_prior(

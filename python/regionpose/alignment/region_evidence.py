@@ -49,8 +49,7 @@ class RegionEvidence:
                 frame = held[0]
                 return estimate_pose(frame.camera, frame.regions, frame.world_regions, prior=known, solver=solver)
             given = [Frame(frame.regions, frame.world_regions) for frame in held]
-            rig = estimate_rig(held[0].camera, given, prior=known, solver=solver)
-            return replace(rig.estimate, warnings=rig.warnings)
+            return estimate_rig(held[0].camera, given, prior=known, solver=solver)
 
         images = [region for frame in frames for region in frame.regions]
         worlds = [region for frame in frames for region in frame.world_regions]

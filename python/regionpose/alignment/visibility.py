@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from regionpose.cameras import Camera
 from regionpose.geometry.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
+from regionpose.solve.edge_diagnostics import Occlusion
 
 Array = NDArray[np.float64]
 
@@ -37,30 +37,6 @@ MOST_POINTS = 500_000
 """Points that are looked at, evenly drawn: more lie closer together than a cell of most regions."""
 
 
-@dataclass(frozen=True)
-class Occlusion:
-    """How much of a region the cloud hides at a pose, of the part that the photo shows.
-
-    Parameters
-    ----------
-    share : float
-        Of that part's area, 0 to 1; NaN where the projected region lies beside the observed one.
-    distance_m : float
-        From the camera to what hides it, meters, the median; NaN where nothing does.
-    region_distance_m : float
-        From the camera to the middle of that part, meters; NaN where there is none.
-    """
-
-    share: float
-    distance_m: float
-    region_distance_m: float
-
-    @property
-    def is_hidden(self) -> bool:
-        """Whether most of it is hidden, which contradicts the photo."""
-        return self.share > MOSTLY
-
-
 class _Cells(NamedTuple):
     """Squares of a region's plane: the corner (2,) of the first and their size, meters; indices (n, 2) of those that
     the photo shows, and of how many there are along each side, (2,).
@@ -73,10 +49,10 @@ class _Cells(NamedTuple):
 
 
 def occlusions(
+    camera: Camera,
     image_regions: Sequence[ImageRegion],
     world_regions: Sequence[WorldRegion],
     points: ArrayLike,
-    camera: Camera,
     pose: Pose,
 ) -> tuple[Occlusion, ...]:
     """How much of each world region points (n, 3) hide at a pose, where its image region shows it; nothing without
@@ -99,13 +75,14 @@ def occlusions(
 def _occlusion(observed: ImageRegion, world: WorldRegion, points: Array, camera: Camera, pose: Pose) -> Occlusion:
     cells = _cells(observed, world, camera, pose)
     if len(cells.seen) < LEAST_CELLS:
-        return Occlusion(np.nan, np.nan, np.nan)
+        return Occlusion(np.nan, np.nan, np.nan, is_hidden=False)
     nearer, shadows = _shadows(world, points, pose.camera_center)
     hidden, above = _covered(cells, shadows)
     before = np.linalg.norm(points[nearer[above]] - pose.camera_center, axis=1)
     middle = cells.corner + (cells.seen.mean(axis=0) + 0.5) * cells.size
     away = np.linalg.norm(world.core.origin + middle @ world.core.axes[:2] - pose.camera_center)
-    return Occlusion(float(hidden.mean()), float(np.median(before)) if len(before) else np.nan, float(away))
+    share, distance_m = float(hidden.mean()), float(np.median(before)) if len(before) else np.nan
+    return Occlusion(share, distance_m, float(away), is_hidden=share > MOSTLY)
 
 
 def _covered(cells: _Cells, shadows: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from regionpose.scene.estimate import SceneEstimate
 from regionpose.scene.fit import Fit, region_fits
-from regionpose.scene.verdict import Verdict, verdict
+from regionpose.scene.headline import headline
 from regionpose.viz.overlays import projected_lines
 
 Lines = list[list[list[float]]]
@@ -23,13 +23,14 @@ class Outcome:
     "regions", `run` being by the regions alone and edges being looked at; "stopped", the user having canceled
     for that; "ready" or "failed". `searches_edges`: whether the pose comes, or is to come, from edges without regions.
     `message`: what went wrong. `run`: the estimate.
+    `headline`: how it fits.
     `projected`: by the regions' keys, outlines in the photo as lines of pixels. `fits`: how each region fits, by key.
     """
 
     state: str = "empty"
     message: str = ""
     run: SceneEstimate | None = None
-    verdict: Verdict | None = None
+    headline: str = ""
     projected: dict[int, Lines] = field(default_factory=dict)
     fits: dict[int, Fit] = field(default_factory=dict)
     searches_edges: bool = False
@@ -43,10 +44,10 @@ class Outcome:
     def of(cls, run: SceneEstimate, keys: list[int], state: str = "ready") -> Outcome:
         """The outcome of an estimate of the pairs with these keys."""
         sides, pose = run.sides, run.local_pose
-        lines = [projected_lines(sides.camera, pose, side.region) for side in sides.world_sides]
+        lines = [projected_lines(sides.camera, side.region, pose) for side in sides.world_sides]
         projected = {key: [rounded(line) for line in held] for key, held in zip(keys, lines, strict=True)}
         fits = dict(zip(keys, region_fits(run), strict=True))
-        return cls(state, "", run, verdict(run), projected, fits, run.is_by_edges)
+        return cls(state, "", run, headline(run), projected, fits, run.is_by_edges)
 
 
 def rounded(line: NDArray[np.float64]) -> list[list[float]]:

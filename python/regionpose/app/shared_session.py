@@ -289,7 +289,7 @@ class SharedSession:
         if run is None:
             return self._colors_of("depth")
         session = self.session
-        cloud, visible = colored_cloud(self.cloud, [(session.image, session.camera, run.estimate.pose)])
+        cloud, visible = colored_cloud([(session.camera, session.image, run.estimate.pose)], self.cloud)
         dark = np.round(UNSEEN_LIGHT * self._colors_of("depth")).astype(np.uint8)
         return dark if cloud.colors is None else np.where(visible[:, None], cloud.colors, dark).astype(np.uint8)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from html import escape
 from pathlib import Path
 
@@ -14,11 +13,15 @@ from regionpose.app.parts import Picked
 from regionpose.geometry.units import angle_text, length_text
 from regionpose.scene.estimate import SceneEstimate
 from regionpose.scene.fit import scene_fit
-from regionpose.scene.result import edge_search_values
+from regionpose.scene.result import edge_values
 from regionpose.scene.searched import searched_text
-from regionpose.scene.verdict import Verdict
+from regionpose.solve.status import PoseStatus
 
-HEADINGS = {"trusted": "Trusted", "check": "Check before use", "doubtful": "Do not trust yet"}
+HEADINGS = {
+    PoseStatus.TRUSTED: "Trusted",
+    PoseStatus.CHECK: "Check before use",
+    PoseStatus.DOUBTFUL: "Do not trust yet",
+}
 
 EMPTY_LIST = (
     '<div class="rp-empty">No regions yet. A region is a flat face that photo and cloud both show: a door, a sign, a'
@@ -46,16 +49,6 @@ WITHOUT_POSE = {
     "stopped": '<div class="rp-empty">The estimate was stopped before there was a pose.</div>',
 }
 """The text instead of a pose where there is none."""
-
-ADVICE_BY_EDGES = {
-    "ambiguous": "Compare the points over the photo at the likeliest pose and at the runner-up (R). Give the direction"
-    " that is up or another prior, or mark a region in photo and cloud.",
-    "low-confidence": "Look at the points over the photo. Give the direction that is up or another prior,"
-    " or mark a region in photo and cloud.",
-    "weak-geometry": "Mark regions in photo and cloud, or add frames; or, if this is precise enough, raise"
-    " solver.max_rotation_sigma_deg or solver.max_translation_sigma_percent in the scene file.",
-}
-"""What to do on the page about warnings of a pose by edges."""
 
 FAILED = {
     False: "Look at the regions one by one: a wrong pair or a mask that leaked is the usual cause.",
@@ -90,24 +83,25 @@ def outcome_html(outcome: Outcome) -> str:
     if outcome.state == "failed":
         advice = FAILED[outcome.searches_edges]
         return f'<div class="rp-verdict rp-failed"><b>No pose</b>{escape(outcome.message)} <span>{advice}</span></div>'
-    if outcome.run is None or outcome.verdict is None:
+    if outcome.run is None:
         state = "searching" if outcome.searches_edges and outcome.state == "busy" else outcome.state
         return WITHOUT_POSE.get(state, EMPTY_POSE)
-    assessment, estimate = outcome.verdict, outcome.run.estimate
+    estimate = outcome.run.estimate
     # By the regions alone nothing is trusted yet: edges of photo and cloud may choose another pose.
-    level, heading = OF_REGIONS.get(outcome.state, (assessment.level, HEADINGS[assessment.level]))
+    level, heading = OF_REGIONS.get(outcome.state, (estimate.status.value, HEADINGS[estimate.status]))
     busy = outcome.state == "busy"
     spin = '<span class="rp-spin"></span>' if busy or outcome.state == "regions" else ""
-    heading_html = f'<div class="rp-verdict rp-{level}"><b>{spin}{heading}</b>{escape(assessment.headline)}</div>'
+    heading_html = f'<div class="rp-verdict rp-{level}"><b>{spin}{heading}</b>{escape(outcome.headline)}</div>'
+    names = outcome.run.names
     remarks = "".join(
-        f'<div class="rp-warn">{escape(_sentence(remark))}<em>{escape(advice)}</em></div>'
-        for remark, advice in _remarks(outcome.run, assessment)
+        f'<div class="rp-warn">{escape(_sentence(warning.text_with(names)))}<em>{escape(warning.advice)}</em></div>'
+        for warning in estimate.warnings
     )
     facts = [
         # No pose is certain.
         (f"{min(100.0 * estimate.confidence, 99.9):.1f} %", "confidence"),
-        (angle_text(float(np.max(estimate.rotation_sigma_deg)), "°"), "rotation, 1 sigma"),
-        (length_text(float(np.max(estimate.translation_sigma_m))), "place, 1 sigma"),
+        (angle_text(float(np.max(estimate.sigma.rotation_deg)), "°"), "rotation, 1 sigma"),
+        (length_text(float(np.max(estimate.sigma.translation_m))), "place, 1 sigma"),
         _fit(outcome.run),
     ]
     facts_items = "".join(f"<div><b>{escape(value)}</b><span>{name}</span></div>" for value, name in facts)
@@ -119,25 +113,18 @@ def outcome_html(outcome: Outcome) -> str:
     return f'<div class="{"rp-busy" if busy else ""}">{heading_html}{facts_html}{remarks}{matrix}</div>'
 
 
-def _remarks(run: SceneEstimate, assessment: Verdict) -> Iterator[tuple[str, str]]:
-    """The warnings with what to do about each on the page."""
-    advice = ADVICE_BY_EDGES if run.is_by_edges else {}
-    # A remark for each warning, in order.
-    for warning, (remark, usual) in zip(run.estimate.warnings, assessment.remarks, strict=True):
-        yield remark, advice.get(warning.code, usual)
-
-
 def _fit(run: SceneEstimate) -> tuple[str, str]:
     """How well the pose fits, and by what measure: by regions, or by edges without these."""
-    if run.calibration is not None and run.is_by_edges:
-        return f"{run.calibration.edges:,}", "edges in view"
+    edges = run.estimate.diagnostics.edges
+    if edges is not None and run.is_by_edges:
+        return f"{edges.count:,}", "edges in view"
     fit = scene_fit(run)
     return fit.value, fit.measure
 
 
 def _searched(run: SceneEstimate) -> str:
     """What was searched for a pose by edges, and what was assumed for that; nothing of another pose."""
-    found = edge_search_values(run) if run.is_by_edges else None
+    found = edge_values(run) if run.is_by_edges else None
     if found is None:
         return ""
     text = f"Searched: {searched_text(found)}."

@@ -100,31 +100,31 @@ def _values(outcome: Outcome | Failed) -> dict[str, Any]:
     return {"error": outcome.message} if isinstance(outcome, Failed) else outcome.result
 
 
-HEADINGS = ("camera", "verdict", "quat_xyzw", "translation, m", "sigma, deg", "sigma, m")
+HEADINGS = ("camera", "status", "quat_xyzw", "translation, m", "sigma, deg", "sigma, m")
 
 
 def _print_result(outcomes: Mapping[str, Outcome | Failed], out: Path) -> None:
     """A table of all cameras (camera_from_world, the largest standard deviations), and their warnings."""
     from regionpose.scene.searched import vector_text
-    from regionpose.scene.verdict import verdict
 
     rows, remarks = [HEADINGS], list[str]()
     for name, outcome in outcomes.items():
         if isinstance(outcome, Failed):
             rows.append((name, "no pose", "", "", "", ""))
             continue
-        estimate, assessment = outcome.run.estimate, verdict(outcome.run)
+        estimate = outcome.run.estimate
         rows.append(
             (
                 name,
-                assessment.level,
+                estimate.status.value,
                 vector_text(estimate.pose.rotation.as_quat(canonical=True), 6),
                 vector_text(estimate.pose.translation, 4),
-                f"{estimate.rotation_sigma_deg.max():.3f}",
-                f"{estimate.translation_sigma_m.max():.4f}",
+                f"{estimate.sigma.rotation_deg.max():.3f}",
+                f"{estimate.sigma.translation_m.max():.4f}",
             )
         )
-        remarks += [f"{name}: warning: {remark}. {advice}".rstrip() for remark, advice in assessment.remarks]
+        warnings = outcome.result["warnings"]
+        remarks += [f"{name}: warning: {warning['text']}. {warning['advice']}" for warning in warnings]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         typer.echo("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())

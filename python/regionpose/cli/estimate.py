@@ -105,32 +105,30 @@ def scene_outcome(
 
 def exit_code(run: SceneEstimate, *, strict: bool) -> int:
     """The exit code of a pose, 0 of one without a warning that counts."""
-    from regionpose.scene.verdict import DOUBTFUL, verdict
+    from regionpose.solve.status import PoseStatus
 
-    if verdict(run).level == DOUBTFUL:
+    if run.estimate.status == PoseStatus.DOUBTFUL:
         return DOUBTED
     return WARNED if strict and run.estimate.warnings else 0
 
 
 def _print_result(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> None:
-    from regionpose.scene.verdict import verdict
-
     _print_pose(run)
-    _print_matching(result)
-    if result["regions"]:
+    found = result["diagnostics"]
+    _print_matching(found)
+    if found["regions"]:
         typer.echo("overlap error by region")
-        print_rows([(region["name"], _errors(region)) for region in result["regions"]])
+        print_rows([(region["name"], _errors(region)) for region in found["regions"]])
         typer.echo("3D regions known by")
-        print_rows([(region["name"], _samples_text(region)) for region in result["regions"]])
-        _print_frames(result)
-    _print_search(result)
-    _print_planes(result)
-    _print_prior(result)
+        print_rows([(region["name"], _samples_text(region)) for region in found["regions"]])
+        _print_frames(found)
+    _print_search(found)
+    _print_planes(found)
+    _print_known(found)
     _print_truth(result)
-    assessment = verdict(run)
-    typer.echo(f"{assessment.level}: {assessment.headline}")
-    for remark, advice in assessment.remarks:
-        typer.echo(f"  warning: {remark}. {advice}".rstrip())
+    typer.echo(f"{result['status']}: {result['headline']}")
+    for warning in result["warnings"]:
+        typer.echo(f"  warning: {warning['text']}. {warning['advice']}")
     typer.echo(f"written: {', '.join(str(path) for path in written)}")
 
 
@@ -146,8 +144,8 @@ def _print_pose(run: SceneEstimate) -> None:
             ("quat_xyzw", f"[{quaternion}]"),
             ("translation_m", vector_text(estimate.pose.translation, 6)),
             ("camera center in world, m", vector_text(estimate.pose.camera_center, 6)),
-            ("rotation sigma, deg", vector_text(estimate.rotation_sigma_deg, 4)),
-            ("translation sigma, m", vector_text(estimate.translation_sigma_m, 5)),
+            ("rotation sigma, deg", vector_text(estimate.sigma.rotation_deg, 4)),
+            ("translation sigma, m", vector_text(estimate.sigma.translation_m, 5)),
             ("confidence", f"{100.0 * estimate.confidence:.1f} %"),
             *([] if fit.on_their_side is None else [(fit.measure, fit.value)]),
             *_overlap(run),
@@ -161,7 +159,7 @@ def _overlap(run: SceneEstimate) -> list[tuple[str, str]]:
 
     if not run.names:
         return []
-    error, less = run.estimate.overlap_error, _counts_less(scene_fit(run).on_their_side)
+    error, less = run.estimate.diagnostics.overlap_error, _counts_less(scene_fit(run).on_their_side)
     return [("overlap error", f"{100.0 * error:.2f} %{less}")]
 
 
@@ -185,9 +183,9 @@ def _samples_text(region: dict[str, Any]) -> str:
     return f"{region['known_by']}" + ("" if share is None else f"; {100.0 * share:.1f} % on their side of the outline")
 
 
-def _print_matching(result: dict[str, Any]) -> None:
+def _print_matching(found: dict[str, Any]) -> None:
     """Which unpaired regions were found to be which."""
-    for held in result["matching"] or ():
+    for held in found["matching"] or ():
         typer.echo("pairs found" + (f" in {held['frame']}" if "frame" in held else ""))
         print_rows([(image, world) for image, world in held["pairs"]])
         left = [*held["unmatched_image_regions"], *held["unmatched_world_regions"]]
@@ -195,38 +193,39 @@ def _print_matching(result: dict[str, Any]) -> None:
             typer.echo(f"without a partner: {', '.join(left)}")
 
 
-def _print_frames(result: dict[str, Any]) -> None:
+def _print_frames(found: dict[str, Any]) -> None:
     """How each of several frames fits."""
-    if result["frames"] is not None:
+    rig = found["rig"]
+    if rig is not None:
         typer.echo("frames: contours at the pose, and at the pose of the others, px")
-        print_rows([(frame["name"], _frame_fit(frame)) for frame in result["frames"]])
-        scatter = result["between_frame_sigma"]
-        if scatter is not None:
-            turn, shift = angle_text(scatter["rotation_sigma_deg"]), length_text(scatter["center_sigma_m"])
+        print_rows([(frame["name"], _frame_fit(frame)) for frame in rig["frames"]])
+        sigma = rig["between_frame_sigma"]
+        if sigma is not None:
+            turn, shift = angle_text(sigma["rotation_sigma_deg"]), length_text(sigma["center_sigma_m"])
             typer.echo(f"a frame is off as a whole by {turn} and {shift}; the pose allows for that")
 
 
 def _frame_fit(frame: dict[str, Any]) -> str:
-    own, other = frame["residual_px"], frame["without_it"]
+    own, other = frame["residual_px"], frame["leave_one_out"]
     values = ["unknown" if value is None else f"{value:.2f}" for value in (own, other["residual_px"])]
-    return f"{values[0]}, {values[1]}" + (", disagrees with the others" if other["disagrees"] else "")
+    return f"{values[0]}, {values[1]}" + (", disagrees with the others" if other["is_outlier"] else "")
 
 
-def _print_search(result: dict[str, Any]) -> None:
+def _print_search(found: dict[str, Any]) -> None:
     """What was searched for a pose by edges alone, and how far the pose leads."""
-    found = result["edge_search"]
-    if found is None:
+    edges = found["edges"]
+    if edges is None:
         return
     from regionpose.scene.searched import odds_text, searched_text
 
-    if found["regions"] is None:
-        typer.echo(f"searched: {searched_text(found)}")
-    typer.echo(odds_text(found))
+    if edges["regions_only"] is None:
+        typer.echo(f"searched: {searched_text(edges)}")
+    typer.echo(odds_text(edges))
 
 
-def _print_planes(result: dict[str, Any]) -> None:
+def _print_planes(found: dict[str, Any]) -> None:
     """Which planes photos confirm at a pose by edges, and how far the pose by these alone is."""
-    confirmed = result["confirmed_regions"]
+    confirmed = found["confirmed_regions"]
     if confirmed is None:
         return
     for frame in confirmed["frames"]:
@@ -235,16 +234,16 @@ def _print_planes(result: dict[str, Any]) -> None:
         typer.echo(f"planes confirmed{where}: {count}; odds of all borders e^{frame['log_odds']:.1f} over chance")
     pose = confirmed["pose"]
     if pose is not None and pose["distance_sigmas"] is not None:
-        turn, shift = max(pose["rotation_sigma_deg"]), max(pose["translation_sigma_m"])
-        deviations = f"1 sigma {angle_text(turn)} and {length_text(shift)}"
-        typer.echo(f"pose by these planes alone ({deviations}): {pose['distance_sigmas']:.1f} standard deviations away")
+        turn, shift = max(pose["sigma"]["rotation_deg"]), max(pose["sigma"]["translation_m"])
+        known = f"1 sigma {angle_text(turn)} and {length_text(shift)}"
+        typer.echo(f"pose by these planes alone ({known}): {pose['distance_sigmas']:.1f} standard deviations away")
 
 
-def _print_prior(result: dict[str, Any]) -> None:
+def _print_known(found: dict[str, Any]) -> None:
     """Where the scanner stood, and what was made of it."""
     from regionpose.scene.searched import vector_text
 
-    scanner, near = result["sensor_origin"], result["camera_near"]
+    scanner, near = found["sensor_origin"], found["camera_near"]
     if scanner is not None:
         typer.echo(f"scanner at {vector_text(scanner['place_in_world_m'], 3)} m, by {scanner['source']}")
     if near is not None:

@@ -59,7 +59,7 @@ def fuse(
     with Progress(quiet) as progress:
         points = progress.read_cloud(cloud, names_of(columns))
         views = (read_view(each, remarks) for each in progress.each(files, "colors of images"))
-        colored, visible = colored_cloud(points, views)
+        colored, visible = colored_cloud(views, points)
         progress.begin("write cloud")
         write_file(out, lambda path: write_ply(path, colored), force=force)
     print_remarks(list(dict.fromkeys(remarks)), quiet)

@@ -40,10 +40,10 @@ convention."""
 
 SHOWN_OF_RESULT = (
     "scene",
+    "status",
+    "headline",
     "confidence",
-    "overlap_error",
-    "rotation_sigma_deg",
-    "translation_sigma_m",
+    "sigma",
     "camera_center_in_world_m",
 )
 
@@ -263,7 +263,7 @@ def _unit(cloud: Cloud, spacing: float | None) -> str:
     """The unit of a cloud by its file or its size; the vertices of a mesh are no samples."""
     from regionpose.scene.input_checks import check_unit, unit_remark
 
-    remarks = [warning.message for warning in check_unit(cloud)]
+    remarks = [f"{warning.text}. {warning.advice}" for warning in check_unit(cloud)]
     if not remarks and cloud.triangles is None and spacing is not None:
         extent = math.hypot(*(cloud.local_points.max(axis=0) - cloud.local_points.min(axis=0)))
         remarks = [remark for remark in [unit_remark(spacing, extent)] if remark is not None]
@@ -314,7 +314,7 @@ def _camera_facts(path: Path, choice: CameraChoice) -> Facts:
         left, right = camera.bearings(middle)
         angle = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(left, right)), left @ right)))
         facts["angle_between_left_and_right_edge_deg"] = angle if np.isfinite(angle) else None
-        facts["lens_warnings"] = [str(warning) for warning in check_camera(camera, (camera.width, camera.height))]
+        facts["lens_warnings"] = [str(warning) for warning in check_camera(camera, (camera.height, camera.width))]
     with suppress(ValueError, FileNotFoundError):
         facts |= {f"pose_{key}": value for key, value in pose_facts(path, choice.name).items() if key != "kind"}
     return facts
@@ -367,7 +367,10 @@ def _result_facts(path: Path) -> Facts:
 
     held = read_json(path)
     facts: Facts = {"kind": "result", **{key: held.get(key) for key in SHOWN_OF_RESULT}}
-    facts["regions"] = _column(path, held, "regions", "name")
+    diagnostics = held.get("diagnostics", {})
+    if not isinstance(diagnostics, dict):
+        raise ValueError(f"{path}: diagnostics: found something else; needed a mapping")
+    facts["regions"] = _column(path, diagnostics, "regions", "name")
     facts["warnings"] = _column(path, held, "warnings", "code")
     return facts
 

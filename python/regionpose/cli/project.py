@@ -100,4 +100,4 @@ def _write(path: Path, rows: list[tuple[int, float, float, float]], cloud: Cloud
     from regionpose.io.png import save_png
     from regionpose.viz.overlays import overlay_depth
 
-    save_png(path, overlay_depth(view.image, view.camera, view.pose, cloud.points))
+    save_png(path, overlay_depth(view.camera, view.image, cloud.points, view.pose))

@@ -178,7 +178,7 @@ def _segment_scene(
     with claimed(out, names, force=force) as claim, Progress(quiet) as progress:
         sides = scene_sides(scene, progress.stages)
         claim.write(_scene_writers(scene, sides, out))
-    remarks = [f"{warning.code}: {warning.message_for(sides.names)}" for warning in sides.warnings]
+    remarks = [f"{warning.code}: {warning.text_with(sides.names)}" for warning in sides.warnings]
     return {"written": str(out), "regions": _sizes(sides), "warnings": remarks}
 
 

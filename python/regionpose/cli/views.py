@@ -63,7 +63,7 @@ def read_view(files: ViewFiles, remarks: list[str] | None = None) -> PosedImage:
         raise ValueError(f"{files.image}: {remark}, as in {files.camera}")
     pose = read_pose_file(files.pose, PoseSource(files.camera_name, files.camera, files.image.name))
     if remarks is not None:
-        warnings = (*check_camera(camera, size), *check_photo_name(camera, files.image.name))
+        warnings = (*check_camera(camera, size[::-1]), *check_photo_name(camera, files.image.name))
         remarks += [f"warning: {files.camera}: {warning}" for warning in warnings]
         remarks += [f"pose: {files.pose}: {pose.remark}"] if pose.remark else []
-    return PosedImage(picture, camera, pose.pose)
+    return PosedImage(camera, picture, pose.pose)

@@ -54,20 +54,20 @@ WIDEST_GAP_SHARE = 1 / 16
 
 
 class PosedImage(NamedTuple):
-    """A photo with its camera and pose.
+    """A camera with its photo and pose.
 
     Parameters
     ----------
-    image : (h, w) or (h, w, 3) array
-        uint8, uint16 or floats in [0, 1].
     camera : Camera
         Of the photo.
+    image : (h, w) or (h, w, 3) array
+        uint8, uint16 or floats in [0, 1].
     pose : Pose
         `camera_from_world`.
     """
 
-    image: ArrayLike
     camera: Camera
+    image: ArrayLike
     pose: Pose
 
 
@@ -80,7 +80,7 @@ class _Projection(NamedTuple):
 
 @checked_arguments
 def colorize(
-    points: ArrayLike, image: ArrayLike, camera: Camera, pose: Pose, *, depth_tolerance: float = DEPTH_TOLERANCE
+    camera: Camera, image: ArrayLike, points: ArrayLike, pose: Pose, *, depth_tolerance: float = DEPTH_TOLERANCE
 ) -> tuple[Bytes, Mask]:
     """Colors of world points in an image, and which points the camera sees.
 
@@ -90,12 +90,12 @@ def colorize(
 
     Parameters
     ----------
-    points : (n, 3) array
-        World coordinates.
-    image : (h, w) or (h, w, 3) array
-        uint8, uint16 or floats in [0, 1].
     camera : Camera
         That took the image.
+    image : (h, w) or (h, w, 3) array
+        uint8, uint16 or floats in [0, 1].
+    points : (n, 3) array
+        World coordinates.
     pose : Pose
         `camera_from_world`.
     depth_tolerance : float
@@ -111,12 +111,12 @@ def colorize(
     ValueError
         For other shapes or types, and for an image of another size than the camera's.
     """
-    return blend_colors(points, [PosedImage(image, camera, pose)], depth_tolerance=depth_tolerance)
+    return blend_colors([PosedImage(camera, image, pose)], points, depth_tolerance=depth_tolerance)
 
 
 def blend_colors(
+    views: Iterable[PosedImage | tuple[Camera, ArrayLike, Pose]],
     points: ArrayLike,
-    views: Iterable[PosedImage | tuple[ArrayLike, Camera, Pose]],
     *,
     normals: ArrayLike | None = None,
     depth_tolerance: float = DEPTH_TOLERANCE,
@@ -129,10 +129,10 @@ def blend_colors(
 
     Parameters
     ----------
+    views : iterable of tuples
+        Camera, image and pose, as of `colorize`; taken one by one, so that they needn't be in memory together.
     points : (n, 3) array
         World coordinates.
-    views : iterable of tuples
-        Image, camera and pose, as of `colorize`; taken one by one, so that they needn't be in memory together.
     normals : (n, 3) array, optional
         Of the points, of either side.
     depth_tolerance : float
@@ -153,10 +153,10 @@ def blend_colors(
     tolerance = _checked_tolerance(depth_tolerance)
     sums, weights = np.zeros((len(given), 3), dtype=np.float32), np.zeros(len(given), dtype=np.float32)
     if not isinstance(views, Iterable):
-        raise ValueError(f"views is a {type(views).__name__}; needed a list of (image, camera, pose)")
+        raise ValueError(f"views is a {type(views).__name__}; needed a list of (camera, image, pose)")
     count = 0
     for view in views:
-        image, camera, pose = _checked_view(view, f"view {count}")
+        camera, image, pose = _checked_view(view, f"view {count}")
         colors = checked_image(image)
         camera.check_size(colors.shape, f"image of view {count}")
         count += 1
@@ -168,7 +168,7 @@ def blend_colors(
         sums[indices] += weight[:, None] * _sampled(colors, projection.pixels[indices])
         weights[indices] += weight
     if count == 0:
-        raise ValueError("there are 0 views; needed an image, its camera and its pose at least")
+        raise ValueError("there are 0 views; needed a camera, its image and its pose at least")
     visible = weights > 0.0
     sums[visible] /= weights[visible, None]
     return np.round(sums, out=sums).astype(np.uint8), visible
@@ -176,7 +176,7 @@ def blend_colors(
 
 @checked_arguments
 def colored_cloud(
-    cloud: Cloud, views: Iterable[PosedImage | tuple[ArrayLike, Camera, Pose]], *, normals: ArrayLike | None = None
+    views: Iterable[PosedImage | tuple[Camera, ArrayLike, Pose]], cloud: Cloud, *, normals: ArrayLike | None = None
 ) -> tuple[Cloud, Mask]:
     """The cloud with the colors of images, and which points (n,) any of the cameras sees.
 
@@ -196,15 +196,15 @@ def colored_cloud(
     ValueError
         As of `blend_colors`.
     """
-    near = ((image, camera, pose.rebase(cloud.origin)) for image, camera, pose in views)
-    colors, visible = blend_colors(cloud.local_points, near, normals=normals)
+    near = ((camera, image, pose.rebase(cloud.origin)) for camera, image, pose in views)
+    colors, visible = blend_colors(near, cloud.local_points, normals=normals)
     if cloud.colors is not None:
         colors[~visible] = cloud.colors[~visible]
     return replace(cloud, colors=colors, fields={**cloud.fields, VISIBLE_FIELD: visible.astype(np.uint8)}), visible
 
 
 def project_points(
-    points: ArrayLike, camera: Camera, pose: Pose, size: tuple[int, int], *, hidden: bool = True
+    camera: Camera, points: ArrayLike, pose: Pose, size: tuple[int, int], *, hidden: bool = True
 ) -> tuple[Floats, Floats]:
     """Pixels (n, 2) and distances (n,) from the camera of world points (n, 3); NaN outside an image of `size` (h, w).
 
@@ -220,12 +220,12 @@ def project_points(
 def _checked_view(view: object, item: str) -> PosedImage:
     """The view, if it is an image, a camera and a pose; ValueError for others."""
     if not isinstance(view, tuple) or len(view) != len(PosedImage._fields):
-        raise ValueError(f"{item} is a {type(view).__name__}; needed a tuple (image, camera, pose)")
-    image, camera, pose = view
+        raise ValueError(f"{item} is a {type(view).__name__}; needed a tuple (camera, image, pose)")
+    camera, image, pose = view
     for name, value, kind in (("camera", camera, Camera), ("pose", pose, Pose)):
         if not isinstance(value, kind):
             raise ValueError(f"{name} of {item} is a {type(value).__name__}; needed a {kind.__name__}")
-    return PosedImage(image, camera, pose)
+    return PosedImage(camera, image, pose)
 
 
 def _checked_normals(normals: ArrayLike, count: int) -> Floats:

@@ -25,7 +25,6 @@ from regionpose.scene.report import Figure, Report, report_html
 from regionpose.scene.result import scene_result
 from regionpose.scene.solver_config import given_pose
 from regionpose.scene.stages import Stages
-from regionpose.scene.verdict import verdict
 from regionpose.viz.overlays import overlay_depth, overlay_edges, overlay_regions
 from regionpose.viz.splat import splatted, viewpoints
 
@@ -114,13 +113,10 @@ def bundle(run: SceneEstimate, stages: Stages, truth: Truth | None = None, folde
     writers = {name: writer for frame in frames for name, writer in frame.writers.items()}
     figures = [figure for frame in frames for figure in frame.figures]
     solids = [figure for frame in frames for figure in frame.solids]
-    assessment, title = verdict(run), f"Camera pose of {run.scene.path.stem}"
-    result = scene_result(run, folder) | {"verdict": assessment.values}
+    result, title = scene_result(run, folder), f"Camera pose of {run.scene.path.stem}"
     if truth is not None:
         result["truth_errors"] = truth_errors(run.estimate.pose, truth)
-    html = report_html(
-        Report(title, assessment.level, assessment.headline, assessment.remarks, result, figures, solids)
-    )
+    html = report_html(Report(title, result, figures, solids))
     text = json.dumps(result, indent=2, allow_nan=False) + "\n"
     writers[REPORT] = lambda path: path.write_text(html, encoding="utf-8")
     writers[RESULT] = lambda path: path.write_text(text, encoding="utf-8")
@@ -151,7 +147,7 @@ def _drawn_files(view: SceneEstimate, numbered: Callable[[str], str], stages: St
     solids: list[Figure] = []
     if view.sides.cloud is not None:
         with stages.stage("colors"):
-            cloud, visible = colored_cloud(view.sides.cloud, [(view.sides.image, view.camera, view.estimate.pose)])
+            cloud, visible = colored_cloud([(view.camera, view.sides.image, view.estimate.pose)], view.sides.cloud)
             solids = [_titled(view, figure) for figure in cloud_views(view, cloud, visible)]
         writers[numbered(CLOUD)] = partial(_write_cloud, cloud)
     return FrameFiles(writers, [_titled(view, figure) for figure in drawn.values()], solids)
@@ -172,15 +168,15 @@ def pictures(run: SceneEstimate) -> dict[str, Figure]:
     made = _region_pictures(run) if run.names else {}
     sides = run.sides
     if sides.cloud is not None:
-        depth = overlay_depth(sides.image, sides.camera, run.local_pose, sides.cloud.local_points)
+        depth = overlay_depth(sides.camera, sides.image, sides.cloud.local_points, run.local_pose)
         made[DEPTH] = Figure(depth, "The cloud's points that the camera sees, colored by their distance from it.")
     for alignment in run.alignments:
         if alignment is not None:
             made[EDGES] = Figure(overlay_edges(sides.image, alignment), EDGES_CAPTION)
-    if run.is_by_edges and run.estimate.alternatives and sides.cloud is not None:
-        other = run.estimate.alternatives[0].pose.rebase(sides.origin)
+    if run.is_by_edges and run.estimate.diagnostics.alternatives and sides.cloud is not None:
+        other = run.estimate.diagnostics.alternatives[0].pose.rebase(sides.origin)
         made[RUNNER_UP] = Figure(
-            overlay_depth(sides.image, sides.camera, other, sides.cloud.local_points), RUNNER_UP_CAPTION
+            overlay_depth(sides.camera, sides.image, sides.cloud.local_points, other), RUNNER_UP_CAPTION
         )
     if run.regions_found is not None and run.regions_found.names:
         made[PLANES] = Figure(_planes_picture(run, run.regions_found), PLANES_CAPTION)
@@ -192,7 +188,7 @@ def _planes_picture(run: SceneEstimate, check: RegionCheck) -> Colors:
     regions = [region for found in check.frames if found is not None for region in found.regions]
     labels = [f"{region.name}  {region.log_odds:.1f}" for region in regions]
     images, worlds = [region.image for region in regions], [region.world for region in regions]
-    return overlay_regions(run.sides.image, run.camera, run.local_pose, images, worlds, labels)
+    return overlay_regions(run.camera, run.sides.image, images, worlds, run.local_pose, labels)
 
 
 def _region_pictures(run: SceneEstimate) -> dict[str, Figure]:
@@ -202,7 +198,7 @@ def _region_pictures(run: SceneEstimate) -> dict[str, Figure]:
         before = overlay_of(run, run.local_initial, run.errors_before)
         made[BEFORE] = Figure(before, "Before: the 3D regions (orange) projected with the scene's initial pose.")
     shares = [float("nan") if fit is None else fit.share for fit in run.sample_fits]
-    after = overlay_of(run, run.local_pose, run.estimate.region_overlap_errors, shares)
+    after = overlay_of(run, run.local_pose, run.estimate.diagnostics.region_overlap_errors, shares)
     word = "After: each" if made else "Each"
     caption = f"{word} region's outline in the image (blue) and its 3D region projected with the pose (orange)."
     caption += " Beside the names: the overlap error."
@@ -229,7 +225,7 @@ def overlay_of(
         f"{name}  {100.0 * value:.1f} %" if np.isfinite(value) else name
         for name, value in zip(sides.names, ranking, strict=True)
     ]
-    return overlay_regions(sides.image, sides.camera, pose, sides.image_regions, regions, labels)
+    return overlay_regions(sides.camera, sides.image, sides.image_regions, regions, pose, labels)
 
 
 def cloud_views(run: SceneEstimate, cloud: Cloud, visible: NDArray[np.bool_]) -> list[Figure]:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionpose.alignment.calibration import Calibration
 from regionpose.alignment.frame import SceneFrame
 from regionpose.geometry.pose import Pose
 from regionpose.progress import Progress, check_wanted, part, with_progress
@@ -174,7 +173,7 @@ def region_pose(
     try:
         if len(given) == 1:
             return estimate_pose(camera, given[0].image_regions, given[0].world_regions, prior=prior, solver=solver)
-        return estimate_rig(camera, given, prior=prior, solver=solver).estimate
+        return estimate_rig(camera, given, prior=prior, solver=solver)
     except PoseError:
         return None
 
@@ -214,7 +213,7 @@ class RegionCheck:
 
 def region_check(
     frames: Sequence[SceneFrame | None],
-    found: Calibration,
+    found: PoseEstimate,
     *,
     sensor_origin: ArrayLike | None = None,
     solver: Solver | None = None,
@@ -226,8 +225,9 @@ def region_check(
         for frame, share in with_progress(frames, progress)
     )
     pairs = [(frame, own) for frame, own in zip(frames, planes, strict=True) if frame is not None and own is not None]
-    estimate = region_pose(pairs, found.prior, solver)
-    distance = float("nan") if estimate is None else pose_distance(estimate, found.estimate)
+    prior = None if found.diagnostics.edges is None else found.diagnostics.edges.prior
+    estimate = region_pose(pairs, prior, solver)
+    distance = float("nan") if estimate is None else pose_distance(estimate, found)
     return RegionCheck(planes, estimate, distance)
 
 

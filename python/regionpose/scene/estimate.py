@@ -10,8 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.alignment.agreement import Alignment
-from regionpose.alignment.calibration import Calibration, calibrate_with
+from regionpose.alignment.calibration import calibrate_with
 from regionpose.alignment.frame import SceneFrame
 from regionpose.alignment.photo import Photo
 from regionpose.alignment.region_evidence import RegionEvidence
@@ -27,11 +26,11 @@ from regionpose.scene.overlap_pairs import near_edges, paired_by_overlap, takes_
 from regionpose.scene.sensors import SensorOrigin
 from regionpose.scene.solver_config import given_pose, scene_prior, scene_solver
 from regionpose.scene.stages import Stages
-from regionpose.solve.between_frame_sigma import BetweenFrameSigma
-from regionpose.solve.estimate import PoseEstimate
+from regionpose.solve.edge_diagnostics import Alignment
+from regionpose.solve.estimate import EdgeDiagnostics, PoseEstimate, RegionsOnly
 from regionpose.solve.options import Solver
 from regionpose.solve.prior import Prior
-from regionpose.solve.rig import Frame, FrameFit, LeaveOneOut, estimate_rig
+from regionpose.solve.rig import Frame, estimate_rig
 from regionpose.solve.sample_fit import SampleFit, sample_fit
 from regionpose.solve.single import estimate_pose
 from regionpose.solve.warning import PoseWarning
@@ -46,20 +45,14 @@ class SceneEstimate:
     """The pose of a scene's camera in the world of its clouds, and what it came from.
 
     `scene`: the whole of it. `frames`: the photos and clouds, one unless the scene has several. `estimate`: of all
-    their regions, frame after frame. `seconds` per stage. `fits`, `leave_one_out`, `between_frame_sigma`: how each of
-    several frames fits, the pose without it, and how far frames are off as wholes. `calibration`: what the edges of
-    photos and clouds say, with the regions or without any; None where they were not looked at. `regions_found`: the
-    planes that photos confirm at a pose by edges alone; None of others.
+    their regions, frame after frame, with what frames and edges say. `seconds` per stage. `regions_found`: the planes
+    that photos confirm at a pose by edges alone; None of others.
     """
 
     scene: Scene
     frames: tuple[SceneData, ...]
     estimate: PoseEstimate
     seconds: dict[str, float]
-    fits: tuple[FrameFit, ...] = ()
-    leave_one_out: tuple[LeaveOneOut, ...] = ()
-    between_frame_sigma: BetweenFrameSigma | None = None
-    calibration: Calibration | None = None
     regions_found: RegionCheck | None = None
 
     @property
@@ -80,41 +73,35 @@ class SceneEstimate:
     @property
     def views(self) -> tuple[SceneEstimate, ...]:
         """The run as each frame shows it: the same pose, with the frame's own regions."""
-        errors = np.split(self.estimate.region_overlap_errors, np.cumsum([len(one.names) for one in self.frames])[:-1])
+        ends = np.cumsum([len(one.names) for one in self.frames])[:-1]
+        errors = np.split(self.estimate.diagnostics.region_overlap_errors, ends)
         return tuple(self._view(index, own) for index, own in enumerate(errors))
 
     def _view(self, index: int, errors: Array) -> SceneEstimate:
         if len(self.frames) == 1:
             return self
-        overlap_error = self.fits[index].overlap_error if self.fits else float("nan")
-        estimate = replace(self.estimate, region_overlap_errors=errors, overlap_error=overlap_error, warnings=())
-        alignment, found = self.alignments[index], self.calibration
-        if found is not None:
-            found = replace(found, alignments=() if alignment is None else (alignment,))
+        whole, alignment = self.estimate.diagnostics, self.alignments[index]
+        overlap_error = float("nan") if whole.rig is None else whole.rig.frames[index].overlap_error
+        edges = whole.edges and replace(whole.edges, alignments=() if alignment is None else (alignment,))
+        own = replace(whole, region_overlap_errors=errors, overlap_error=overlap_error, rig=None, edges=edges)
         planes = self.regions_found and self.regions_found.of_frame(index)
-        return replace(
-            self,
-            frames=(self.frames[index],),
-            estimate=estimate,
-            fits=(),
-            leave_one_out=(),
-            between_frame_sigma=None,
-            calibration=found,
-            regions_found=planes,
-        )
+        estimate = replace(self.estimate, warnings=(), diagnostics=own)
+        return replace(self, frames=(self.frames[index],), estimate=estimate, regions_found=planes)
 
     @property
     def alignments(self) -> tuple[Alignment | None, ...]:
         """How well photo and cloud of each frame agree; None of a frame without a cloud, or where that was not looked
         at.
         """
-        found = iter(() if self.calibration is None else self.calibration.alignments)
+        edges = self.estimate.diagnostics.edges
+        found = iter(() if edges is None else edges.alignments)
         return tuple(None if sides.cloud is None else next(found, None) for sides in self.frames)
 
     @property
     def is_by_edges(self) -> bool:
         """Whether the pose is by edges alone, the scene having no regions."""
-        return self.calibration is not None and self.calibration.regions is None
+        edges = self.estimate.diagnostics.edges
+        return edges is not None and edges.regions_only is None
 
     @property
     def scanner(self) -> SensorOrigin | None:
@@ -141,7 +128,7 @@ class SceneEstimate:
     def sample_fits(self) -> tuple[SampleFit | None, ...]:
         """On which sides of its contour each region's samples are seen at the estimate; None where it has none."""
         pairs = zip(*_regions(self.frames), strict=True)
-        return tuple(sample_fit(self.camera, self.local_pose, image, world) for image, world in pairs)
+        return tuple(sample_fit(self.camera, image, world, self.local_pose) for image, world in pairs)
 
     @property
     def errors_before(self) -> Array:
@@ -232,17 +219,23 @@ def estimate_edges(
     frames, stages = tuple(given), stages or Stages()
     with stages.stage("edges"):
         found, scanner = _explained(lambda: _by_edges(frames, stages), frames), _scanner(frames)
-    estimate = _in_world(found.estimate, frames)
+    estimate = _in_world(found, frames)
     if not with_planes:
-        return SceneEstimate(scene, frames, estimate, stages.seconds, calibration=found)
+        return SceneEstimate(scene, frames, estimate, stages.seconds)
     with stages.stage("planes"):
-        place = found.prior.camera_near if scanner is None else scanner.place - frames[0].origin
+        place = _edges_of(found).prior.camera_near if scanner is None else scanner.place - frames[0].origin
         seen, solver = scene_frames(frames), scene_solver(scene)
         planes = region_check(seen, found, sensor_origin=place, solver=solver, progress=stages.progress)
-    return SceneEstimate(scene, frames, estimate, stages.seconds, calibration=found, regions_found=planes)
+    return SceneEstimate(scene, frames, estimate, stages.seconds, regions_found=planes)
 
 
-def _by_edges(frames: Sequence[SceneData], stages: Stages) -> Calibration:
+def _edges_of(estimate: PoseEstimate) -> EdgeDiagnostics:
+    """What edges say of an estimate by them."""
+    assert estimate.diagnostics.edges is not None
+    return estimate.diagnostics.edges
+
+
+def _by_edges(frames: Sequence[SceneData], stages: Stages) -> PoseEstimate:
     """The pose of all frames by edges alone, about the local origin."""
     return _calibrated(frames, None, _edge_prior(frames), scene_solver(frames[0].scene), stages)
 
@@ -283,16 +276,7 @@ def _run(
         return SceneEstimate(scene, frames, _in_world(local, frames), seconds)
     given = [Frame(*_regions([sides]), name=sides.scene.name) for sides in frames]
     rig = estimate_rig(camera, given, prior=prior, solver=solver)
-    estimate = _in_world(replace(rig.estimate, warnings=rig.warnings), frames)
-    return SceneEstimate(
-        scene,
-        frames,
-        estimate,
-        seconds,
-        fits=rig.frames,
-        leave_one_out=rig.leave_one_out,
-        between_frame_sigma=rig.between_frame_sigma,
-    )
+    return SceneEstimate(scene, frames, _in_world(rig, frames), seconds)
 
 
 def uses_edges(run: SceneEstimate) -> bool:
@@ -309,9 +293,10 @@ def with_edges(run: SceneEstimate, stages: Stages | None = None) -> SceneEstimat
     if not uses_edges(run):
         return run
     origin, solver, latest = run.frames[0].origin, scene_solver(run.scene), run
-    if run.between_frame_sigma is not None:
-        sigma_deg, sigma_m = run.between_frame_sigma.rotation_sigma_deg, run.between_frame_sigma.center_sigma_m
-        solver = replace(solver, frame_sigma_deg=sigma_deg, frame_sigma_m=sigma_m)
+    rig = run.estimate.diagnostics.rig
+    if rig is not None and rig.between_frame_sigma is not None:
+        sigma = rig.between_frame_sigma
+        solver = replace(solver, frame_sigma_deg=sigma.rotation_sigma_deg, frame_sigma_m=sigma.center_sigma_m)
 
     def reestimate(pose: Pose) -> PoseEstimate:
         nonlocal latest
@@ -325,12 +310,12 @@ def with_edges(run: SceneEstimate, stages: Stages | None = None) -> SceneEstimat
     stages = stages or Stages()
     with stages.stage("edges"):
         found = _explained(lambda: _calibrated(run.frames, regions, run.prior, solver, stages), run.frames)
-    return replace(latest, estimate=_rebased(found.estimate, -origin), calibration=found)
+    return replace(latest, estimate=_rebased(found, -origin))
 
 
 def _calibrated(
     frames: Sequence[SceneData], regions: RegionEvidence | None, prior: Prior, solver: Solver, stages: Stages
-) -> Calibration:
+) -> PoseEstimate:
     """What edges say, with regions or without, about the local origin."""
     origin, scanner = frames[0].origin, _scanner(frames)
     photos = [frame for frame in scene_frames(frames) if frame is not None]
@@ -371,7 +356,7 @@ def _explained(action: Callable[[], Value], frames: Sequence[SceneData]) -> Valu
     except ValueError as error:
         names = _names(frames)
         own = f"{frames[0].scene.name}: " if len(frames) == 1 and frames[0].scene.name else ""
-        remarks = "".join(f"; {warning.message_for(names)}" for warning in _warnings(frames))
+        remarks = "".join(f"; {warning.text_with(names)}" for warning in _warnings(frames))
         raise type(error)(f"{own}{error}{remarks}") from error
 
 
@@ -382,7 +367,7 @@ def _warnings(frames: Sequence[SceneData]) -> tuple[PoseWarning, ...]:
     for sides in frames:
         for warning in sides.warnings:
             moved = replace(warning, regions=tuple(before + index for index in warning.regions))
-            found.setdefault((moved.code, moved.message_for(names)), moved)
+            found.setdefault((moved.code, moved.text_with(names)), moved)
         before += len(sides.names)
     return tuple(found.values())
 
@@ -394,5 +379,34 @@ def _in_world(local: PoseEstimate, frames: Sequence[SceneData]) -> PoseEstimate:
 
 def _rebased(estimate: PoseEstimate, origin: Array) -> PoseEstimate:
     """The estimate for points about an origin (3,)."""
-    alternatives = tuple(replace(other, pose=other.pose.rebase(origin)) for other in estimate.alternatives)
-    return replace(estimate, pose=estimate.pose.rebase(origin), alternatives=alternatives)
+    whole = estimate.diagnostics
+    alternatives = tuple(replace(other, pose=other.pose.rebase(origin)) for other in whole.alternatives)
+    shared = tuple(replace(edge, ends=edge.ends - origin) for edge in whole.shared_edges)
+    rig, edges = whole.rig, whole.edges
+    if rig is not None:
+        ones = tuple(replace(one, pose=one.pose.rebase(origin)) for one in rig.leave_one_out)
+        rig = replace(rig, leave_one_out=ones)
+    diagnostics = replace(
+        whole,
+        alternatives=alternatives,
+        shared_edges=shared,
+        rig=rig,
+        edges=None if edges is None else _rebased_edges(edges, origin),
+    )
+    return replace(estimate, pose=estimate.pose.rebase(origin), diagnostics=diagnostics)
+
+
+def _rebased_edges(edges: EdgeDiagnostics, origin: Array) -> EdgeDiagnostics:
+    """What edges say for points about an origin (3,)."""
+    return replace(
+        edges,
+        prior=edges.prior.rebase(origin),
+        modes=tuple(replace(mode, pose=mode.pose.rebase(origin)) for mode in edges.modes),
+        alignments=tuple(replace(each, nearest=each.nearest.rebase(origin)) for each in edges.alignments),
+        regions_only=None if edges.regions_only is None else _rebased_regions(edges.regions_only, origin),
+    )
+
+
+def _rebased_regions(regions: RegionsOnly, origin: Array) -> RegionsOnly:
+    pose = None if regions.pose is None else regions.pose.rebase(origin)
+    return replace(regions, estimate=_rebased(regions.estimate, origin), pose=pose)

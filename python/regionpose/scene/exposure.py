@@ -22,6 +22,7 @@ from regionpose.scene.stages import Stages
 from regionpose.solve.core_inputs import overlap_errors
 from regionpose.solve.matching import RegionMatches, match_regions
 from regionpose.solve.warning import PoseWarning
+from regionpose.solve.warning_code import WarningCode
 from regionpose.validation.arrays import Array
 
 
@@ -153,15 +154,15 @@ def _unpaired_worlds(
 
 def checked(sides: SceneData) -> SceneData:
     """The sides with the warnings about camera, cloud and regions that hold before any pose is known."""
-    size = (sides.image.shape[1], sides.image.shape[0])
+    shape = (sides.image.shape[0], sides.image.shape[1])
     sparse = (
-        PoseWarning("sparse-sampling", "{0}: {remark}", (index,), {"remark": remark})
+        PoseWarning(WarningCode.SPARSE_SAMPLING, (index,), {"remark": remark})
         for index, side in enumerate(sides.world_sides)
         for remark in side.remarks
     )
-    regions = check_regions(sides.image_regions, [side.region for side in sides.world_sides], size)
+    regions = check_regions(sides.image_regions, [side.region for side in sides.world_sides], shape)
     cloud = () if sides.cloud is None else (*check_unit(sides.cloud), *check_intensity(sides.cloud))
-    camera = (*check_camera(sides.camera, size), *check_photo_name(sides.camera, sides.scene.image))
+    camera = (*check_camera(sides.camera, shape), *check_photo_name(sides.camera, sides.scene.image))
     return replace(sides, warnings=(*camera, *cloud, *regions, *sparse))
 
 

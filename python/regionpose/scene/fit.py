@@ -38,12 +38,12 @@ class Fit(NamedTuple):
 
 def scene_fit(run: SceneEstimate) -> Fit:
     """How all regions of a run fit: by their samples where all have such, else by their areas."""
-    return Fit(_share(run.sample_fits), float(run.estimate.overlap_error))
+    return Fit(_share(run.sample_fits), float(run.estimate.diagnostics.overlap_error))
 
 
 def region_fits(run: SceneEstimate) -> list[Fit]:
     """How each region of a run fits."""
-    errors = run.estimate.region_overlap_errors.tolist()
+    errors = run.estimate.diagnostics.region_overlap_errors.tolist()
     return [Fit(_share([fit]), error) for fit, error in zip(run.sample_fits, errors, strict=True)]
 
 

@@ -17,6 +17,7 @@ from regionpose.io.clouds import Cloud
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 from regionpose.solve.warning import PoseWarning
+from regionpose.solve.warning_code import WarningCode
 from regionpose.validation.arguments import checked_arguments
 from regionpose.validation.arrays import Array
 
@@ -76,13 +77,13 @@ SAME_UNIT = 1e-6
 def check_regions(
     image_regions: Sequence[ImageRegion],
     world_regions: Sequence[WorldRegion],
-    image_size: tuple[int, int] | None = None,
+    image_shape: tuple[int, int] | None = None,
 ) -> tuple[PoseWarning, ...]:
     """Warnings about regions before a pose is estimated: doubles, leaked masks, odd units.
 
-    `coincident-regions`: two image regions, or two world regions, share over 90 % of their union. `leaked-mask`: a mask
-    covers most of the photo or reaches three of its sides. `odd-unit`: the world regions are as large as meters hardly
-    make them. Each names its regions by their places in the lists, and what to do.
+    `duplicate-regions`: two image regions, or two world regions, share over 90 % of their union. `leaked-mask`: a mask
+    covers most of the photo or reaches three of its sides. `suspicious-unit`: the world regions are as large as meters
+    hardly make them.
 
     Parameters
     ----------
@@ -90,8 +91,8 @@ def check_regions(
         One side.
     world_regions : sequence of WorldRegion
         The other.
-    image_size : tuple of 2 int, optional
-        The photo's width and height, pixels; that of each mask without it.
+    image_shape : tuple of 2 int, optional
+        The photo's height and width, pixels; that of each mask without it.
 
     Returns
     -------
@@ -100,58 +101,53 @@ def check_regions(
     return (
         *_coincident("image", image_regions, _image_overlap),
         *_coincident("world", world_regions, _world_overlap),
-        *(warning for index, region in enumerate(image_regions) for warning in _leaks(index, region, image_size)),
+        *(warning for index, region in enumerate(image_regions) for warning in _leaks(index, region, image_shape)),
         *_odd_unit(world_regions),
     )
 
 
 @checked_arguments
-def check_camera(camera: Camera, image_size: tuple[int, int]) -> tuple[PoseWarning, ...]:
+def check_camera(camera: Camera, image_shape: tuple[int, int]) -> tuple[PoseWarning, ...]:
     """Warnings where a calibration does not seem to be that of a photo, or to be one at all.
 
-    `odd-center`: the optical axis of a calibration without a size meets the photo outside of the middle third, as that
-    of a calibration for photos of another size. `folding-lens`: pixels of the photo have no bearing, or one that the
-    model does not distinguish from others, as its distortion folds inside the photo.
+    `off-center-principal-point`: the optical axis of a calibration without a size meets the photo outside of the middle
+    third, as that of a calibration for photos of another size. `non-invertible-distortion`: pixels of the photo have no
+    bearing, or an ambiguous one, as its distortion folds inside the photo.
 
     Parameters
     ----------
     camera : Camera
         The camera.
-    image_size : tuple of 2 int
-        The photo's width and height, pixels.
+    image_shape : tuple of 2 int
+        The photo's height and width, pixels.
 
     Returns
     -------
     tuple of PoseWarning
     """
-    return (*_odd_center(camera, image_size), *_folding(camera, image_size))
+    return (*_odd_center(camera, image_shape), *_folding(camera, image_shape))
 
 
-def _odd_center(camera: Camera, image_size: tuple[int, int]) -> Iterator[PoseWarning]:
+def _odd_center(camera: Camera, image_shape: tuple[int, int]) -> Iterator[PoseWarning]:
     """A warning where a calibration without a size has its axis far from the photo's middle."""
     if camera.width is not None and camera.height is not None:
         return
     center = camera.project([[0.0, 0.0, 1.0]])[0]
-    share = (center + 0.5) / image_size
+    height, width = image_shape
+    share = (center + 0.5) / np.array([width, height])
     if (share >= MIDDLE_THIRD[0]).all() and (share <= MIDDLE_THIRD[1]).all():
         return
-    text = (
-        "the camera's optical axis meets the photo of {width_px} x {height_px} pixels at ({x_px:.0f}, {y_px:.0f}), far"
-        " from its middle: the calibration seems to be for photos of about {calibrated_width_px:.0f} x"
-        " {calibrated_height_px:.0f}; use a photo of the calibrated size, scale the calibration, or give its width and"
-        " height if the photo was cut"
-    )
     x, y = center.tolist()
-    values = {"width_px": image_size[0], "height_px": image_size[1], "x_px": x, "y_px": y}
+    values = {"width_px": width, "height_px": height, "x_px": x, "y_px": y}
     calibrated = {"calibrated_width_px": 2.0 * x + 1.0, "calibrated_height_px": 2.0 * y + 1.0}
-    yield PoseWarning("odd-center", text, values={**values, **calibrated})
+    yield PoseWarning(WarningCode.OFF_CENTER_PRINCIPAL_POINT, values={**values, **calibrated})
 
 
-def _folding(camera: Camera, image_size: tuple[int, int]) -> Iterator[PoseWarning]:
+def _folding(camera: Camera, image_shape: tuple[int, int]) -> Iterator[PoseWarning]:
     """A warning where the lens model folds inside the photo."""
     if not isinstance(camera, PinholeCamera) and camera.max_angle > CIRCLE_ANGLE:
         return
-    sides = (np.linspace(-0.5, size - 0.5, FOLD_GRID) for size in image_size)
+    sides = (np.linspace(-0.5, size - 0.5, FOLD_GRID) for size in image_shape[::-1])
     pixels = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
     bearings = camera.bearings(pixels)
     back = np.linalg.norm(camera.project(bearings) - pixels, axis=1)
@@ -159,13 +155,8 @@ def _folding(camera: Camera, image_size: tuple[int, int]) -> Iterator[PoseWarnin
     unique = (back <= COMES_BACK_PX) & (angles <= camera.max_angle)
     if unique.all():
         return
-    text = (
-        "the lens model folds {angle_deg:.3g} deg off the axis, inside the photo: {percent:.3g} % of its pixels see"
-        " beyond that, where a direction is not sure or missing; check the coefficients and their order, calibrate with"
-        " targets out to the corners, or keep regions away from there"
-    )
-    values = {"angle_deg": math.degrees(camera.max_angle), "percent": 100.0 * float(np.mean(~unique))}
-    yield PoseWarning("folding-lens", text, values=values)
+    values = {"angle_deg": math.degrees(camera.max_angle), "pixel_share": float(np.mean(~unique))}
+    yield PoseWarning(WarningCode.NON_INVERTIBLE_DISTORTION, values=values)
 
 
 def check_photo_name(camera: Camera, name: str) -> tuple[PoseWarning, ...]:
@@ -175,34 +166,22 @@ def check_photo_name(camera: Camera, name: str) -> tuple[PoseWarning, ...]:
     """
     if not (isinstance(camera, PinholeCamera | FisheyeCamera) and any(camera.distortion) and RECTIFIED.search(name)):
         return ()
-    text = (
-        "the photo is called {name}, as rectified ones are, but its camera has distortion: where it is rectified, set"
-        " rectified (camera: {{file, rectified: true}} in a scene); otherwise rename it"
-    )
-    return (PoseWarning("rectified-photo", text, values={"name": name}),)
+    return (PoseWarning(WarningCode.RECTIFIED_PHOTO, values={"name": name}),)
 
 
 def check_unit(cloud: Cloud) -> tuple[PoseWarning, ...]:
-    """`odd-unit` for a cloud whose file states a unit other than the meter, with the factor to use."""
+    """What the file of a cloud says against its coordinates being meters: `suspicious-unit`, with the factor to use."""
     factor = cloud.unit_m
     if factor is None or abs(factor - 1.0) < SAME_UNIT:
         return ()
-    text = (
-        "the cloud's file states a unit of {unit_m:.7g} m: multiply its coordinates, and those of the scene, by that,"
-        " otherwise all lengths in meters are wrong"
-    )
-    return (PoseWarning("odd-unit", text, values={"unit_m": factor}),)
+    return (PoseWarning(WarningCode.SUSPICIOUS_UNIT, values={"unit_m": factor}),)
 
 
 def check_intensity(cloud: Cloud) -> tuple[PoseWarning, ...]:
     """What a cloud lost on its way: `no-intensity`, where its file holds one without a single finite number."""
     if "intensity" not in cloud.empty:
         return ()
-    text = (
-        "the intensity of the cloud's file holds no finite number and is left out: seeds can't keep to it, and photo"
-        " and cloud are compared by depth alone; export the cloud with its intensity, if the scanner measures one"
-    )
-    return (PoseWarning("no-intensity", text),)
+    return (PoseWarning(WarningCode.NO_INTENSITY),)
 
 
 def unit_remark(spacing: float, extent: float) -> str | None:
@@ -226,11 +205,7 @@ def _coincident(
     for first, second in combinations(range(len(regions)), 2):
         share = _overlap_share(regions[first], regions[second], overlap)
         if share > SAME_SHARE:
-            text = (
-                f"on the {side} side {{0}} and {{1}} are the same, by {100.0 * share:.1f} % of their union: two clicks"
-                " grew one surface, or one was marked twice; mark {1} again, or leave it out"
-            )
-            yield PoseWarning("coincident-regions", text, (first, second), {"side": side, "share": share})
+            yield PoseWarning(WarningCode.DUPLICATE_REGIONS, (first, second), {"side": side, "share": share})
 
 
 def _overlap_share(first: Region, second: Region, overlap: Callable[[Region, Region], float]) -> float:
@@ -266,20 +241,17 @@ def _polygon(rings: Sequence[Array]) -> shapely.Geometry:
     return reduce(shapely.symmetric_difference, faces)
 
 
-def _leaks(index: int, region: ImageRegion, image_size: tuple[int, int] | None) -> Iterator[PoseWarning]:
+def _leaks(index: int, region: ImageRegion, image_shape: tuple[int, int] | None) -> Iterator[PoseWarning]:
     """A warning where a region's mask covers more of the photo than a face does."""
     if region.mask is None:
         return
-    width, height = region.mask.shape[::-1] if image_size is None else image_size
+    height, width = region.mask.shape if image_shape is None else image_shape
     (rows, columns), (left, top) = region.mask.size, region.mask.offset
     sides = sum((left == 0, top == 0, left + columns == width, top + rows == height))
     share = region.area / (width * height)
     if share <= LEAK_SHARE and sides < LEAK_SIDES:
         return
-    reached = f" and reaches {sides} of its sides" if sides else ""
-    cure = "lower its tolerance, click elsewhere, or draw it as a polygon, unless the surface is that large"
-    text = f"the mask of {{0}} covers {100.0 * share:.0f} % of the photo{reached}: it seems to have leaked; {cure}"
-    yield PoseWarning("leaked-mask", text, (index,), {"share": share, "sides": sides})
+    yield PoseWarning(WarningCode.LEAKED_MASK, (index,), {"share": share, "sides": sides})
 
 
 def _odd_unit(regions: Sequence[WorldRegion]) -> Iterator[PoseWarning]:
@@ -289,10 +261,5 @@ def _odd_unit(regions: Sequence[WorldRegion]) -> Iterator[PoseWarning]:
     index = int(np.argmax([region.area for region in regions]))
     size = float(np.sqrt(regions[index].area))
     if size > LARGEST_REGION_M:
-        text = (
-            "the world side of {0} would be {size_m:.0f} m across (the root of its area): the coordinates look like"
-            " millimeters, of which it would be {in_millimeters_m:.2g} m; multiply those of the cloud and of the scene"
-            " by {unit_m:g}, otherwise all lengths in meters are wrong"
-        )
-        values = {"size_m": size, "in_millimeters_m": MILLIMETER * size, "unit_m": MILLIMETER}
-        yield PoseWarning("odd-unit", text, (index,), values)
+        values = {"size_m": size, "scaled_size_m": MILLIMETER * size, "unit_m": MILLIMETER}
+        yield PoseWarning(WarningCode.SUSPICIOUS_UNIT, (index,), values)

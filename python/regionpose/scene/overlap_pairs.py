@@ -10,14 +10,13 @@ import shapely
 from scipy.optimize import linear_sum_assignment
 from shapely.geometry.base import BaseGeometry
 
-from regionpose.alignment.calibration import Calibration
 from regionpose.cameras import Camera
 from regionpose.geometry.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 from regionpose.scene.exposure import Matching, SceneData, Unpaired, checked
 from regionpose.scene.models import PLANES
-from regionpose.solve.estimate import PoseError
+from regionpose.solve.estimate import PoseError, PoseEstimate
 from regionpose.solve.prior import Prior
 from regionpose.validation.arrays import Array
 from regionpose.viz.projections import projected_rings
@@ -43,13 +42,13 @@ def takes_edges(sides: SceneData) -> bool:
     return can_match and model.world_regions == PLANES and model.solver.edges
 
 
-def paired_by_overlap(sides: SceneData, calibrated: Callable[[], Calibration]) -> SceneData:
+def paired_by_overlap(sides: SceneData, calibrated: Callable[[], PoseEstimate]) -> SceneData:
     """The sides with the pairs that overlap at the pose by edges; the same where that is not sure, or nothing does."""
     try:
         found = calibrated()
     except PoseError:
         return sides
-    if found.estimate.confidence < LEAST_CONFIDENCE:
+    if found.confidence < LEAST_CONFIDENCE:
         return sides
     unpaired = sides.unpaired
     worlds = [side.region for side in unpaired.world_sides]
@@ -76,7 +75,7 @@ def overlapping(
     height, width = shape
     photo = shapely.box(-0.5, -0.5, width - 0.5, height - 0.5)
     observed = [_polygon(region.rings) for region in image_regions]
-    projected = [shapely.intersection(_polygon(projected_rings(camera, pose, each)), photo) for each in world_regions]
+    projected = [shapely.intersection(_polygon(projected_rings(camera, each, pose)), photo) for each in world_regions]
     shared = np.array([shapely.area(shapely.intersection(one, np.array(projected))) for one in observed])
     own, areas = shapely.area(np.array(observed))[:, None], shapely.area(np.array(projected))
     within = shared >= LEAST_WITHIN * np.maximum(areas, 1.0)

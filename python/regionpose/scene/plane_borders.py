@@ -189,7 +189,7 @@ class View:
         height, width = photo.luminance.shape
         photo_area = shapely.box(-0.5, -0.5, width - 0.5, height - 0.5)
         parts: list[shapely.Polygon] = []
-        for ring in projected_rings(self.frame.camera, self.pose, region):
+        for ring in projected_rings(self.frame.camera, region, self.pose):
             places = photo.places(ring[:-1])
             if not np.isfinite(places).all():
                 return None

@@ -8,7 +8,7 @@ import numpy as np
 
 from regionpose.scene.confirmed import ConfirmedRegion
 from regionpose.scene.estimate import SceneEstimate
-from regionpose.scene.values import pose_values, warning_values
+from regionpose.scene.values import pose_values, sigma_values, warning_values
 
 REGION_POINTS = "regions.npy"
 """Labels (n,) of a cloud's points, as its file has them: of the confirmed regions from 1, 0 of the rest."""
@@ -37,8 +37,8 @@ def confirmed_values(run: SceneEstimate) -> dict[str, Any] | None:
         "pose": own
         and {
             "camera_from_world": pose_values(own.pose.rebase(-run.sides.origin)),
-            "rotation_sigma_deg": own.rotation_sigma_deg,
-            "translation_sigma_m": own.translation_sigma_m,
+            "sigma": sigma_values(own),
+            "status": own.status.value,
             "confidence": own.confidence,
             "warnings": [warning_values(warning, check.names) for warning in own.warnings],
             "distance_sigmas": check.distance,

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from regionpose.geometry.units import angle_text, length_text
+from regionpose.solve.status import PoseStatus
 
 LARGEST_SIDE = 1600
 """Pictures are scaled down to this, pixels: wide enough to judge edges by, small enough to mail."""
@@ -22,7 +23,11 @@ JPEG_QUALITY = 88
 
 TEMPLATE = "report.html.j2"
 
-HEADINGS = {"trusted": "No warnings", "check": "Check before use", "doubtful": "Do not trust yet"}
+HEADINGS = {
+    PoseStatus.TRUSTED: "No warnings",
+    PoseStatus.CHECK: "Check before use",
+    PoseStatus.DOUBTFUL: "Do not trust yet",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +42,10 @@ class Figure:
 class Report:
     """What a report says.
 
-    `result`: as `scene.scene_result` gives it. `level`: trusted, check or doubtful; `headline` and `remarks`,
-    (warning, advice) pairs, as in `scene.verdict.Verdict`. `views`: the cloud's pictures, side by side.
+    `result`: as `scene.scene_result` gives it. `views`: the cloud's pictures, side by side.
     """
 
     title: str
-    level: str
-    headline: str
-    remarks: Sequence[tuple[str, str]]
     result: Mapping[str, Any]
     figures: Sequence[Figure]
     views: Sequence[Figure] = ()
@@ -54,20 +55,22 @@ def report_html(report: Report) -> str:
     """The report as the text of one HTML file; the template escapes whatever it is given."""
     page = Environment(loader=PackageLoader("regionpose.scene", "."), autoescape=True, undefined=StrictUndefined)
     page.filters.update(data_url=data_url, numbers=_numbers, exponential=_exponential)
-    result = report.result
-    heads, rows = _regions(result["regions"])
+    result, found = report.result, report.result["diagnostics"]
+    rig = found["rig"]
+    heads, rows = _regions(found["regions"])
     return page.get_template(TEMPLATE).render(
         vars(report),
-        headings=HEADINGS,
+        found=found,
+        heading=HEADINGS[PoseStatus(result["status"])],
         facts=_facts(result),
         region_heads=heads,
         region_rows=rows,
         sigma_rows=_sigmas(result),
-        alternative_rows=_alternatives(result["alternatives"]),
-        matching=[_matching(held) for held in result["matching"] or ()],
-        frame_rows=_frames(result["frames"]),
-        plane_rows=_planes(result["confirmed_regions"]),
-        planes=_plane_words(result["confirmed_regions"]),
+        alternative_rows=_alternatives(found["alternatives"]),
+        matching=[_matching(held) for held in found["matching"] or ()],
+        frame_rows=_frames(None if rig is None else rig["frames"]),
+        plane_rows=_planes(found["confirmed_regions"]),
+        planes=_plane_words(found["confirmed_regions"]),
         settings=_settings(result),
     )
 
@@ -84,26 +87,26 @@ def data_url(picture: NDArray[np.uint8]) -> str:
 def _facts(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [
         (_percent(result["confidence"]), "confidence: the pose is within 5 deg"),
-        *_fit(result),
-        (angle_text(_worst(result["rotation_sigma_deg"])), "rotation, 1 sigma, worst axis"),
-        (length_text(_worst(result["translation_sigma_m"])), "translation, 1 sigma, worst axis"),
-        *_noise(result),
+        *_fit(result["diagnostics"]),
+        (angle_text(_worst(result["sigma"]["rotation_deg"])), "rotation, 1 sigma, worst axis"),
+        (length_text(_worst(result["sigma"]["translation_m"])), "translation, 1 sigma, worst axis"),
+        *_noise(result["diagnostics"]),
         (f"{sum(result['seconds'].values()):.1f} s", "for all stages"),
     ]
 
 
-def _fit(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _fit(found: Mapping[str, Any]) -> list[tuple[str, str]]:
     """How the regions fit: first by their samples, where all are known by such, since areas say little of these; how
     far the edges of photo and cloud agree of a scene without regions.
     """
-    search = result["edge_search"]
-    if not result["regions"] and search is not None:
+    edges = found["edges"]
+    if not found["regions"] and edges is not None:
         return [
-            (f"{search['edges']:,}", "edges of clouds in view"),
-            (_fixed(search["log_odds"], 1), "log odds over chance"),
+            (f"{edges['count']:,}", "edges of clouds in view"),
+            (_fixed(edges["log_odds"], 1), "log odds over chance"),
         ]
-    shares = [region["samples_on_their_side"] for region in result["regions"]]
-    error = _percent(result["overlap_error"])
+    shares = [region["samples_on_their_side"] for region in found["regions"]]
+    error = _percent(found["overlap_error"])
     known = [share for share in shares if share is not None]
     if len(known) < len(shares) or not known:
         return [(error, "overlap error, all regions")]
@@ -111,11 +114,11 @@ def _fit(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [(_percent(min(known)), "samples on their side, worst region"), (error, less)]
 
 
-def _noise(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _noise(found: Mapping[str, Any]) -> list[tuple[str, str]]:
     """The noise of the contours, where there are some."""
-    if not result["regions"]:
+    if not found["regions"]:
         return []
-    return [(f"{_fixed(result['boundary_noise_px'], 2)} px", "noise of the contours")]
+    return [(f"{_fixed(found['boundary_noise_px'], 2)} px", "noise of the contours")]
 
 
 def _regions(regions: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[str]]]:
@@ -154,18 +157,18 @@ def _pairs(pairs: Sequence[Sequence[str]]) -> str:
 
 def _frames(frames: Sequence[Mapping[str, Any]] | None) -> list[list[str]]:
     """How the regions of each of several frames fit; nothing of frames without regions."""
-    fitted = [frame for frame in frames or () if frame["without_it"] is not None]
+    fitted = [frame for frame in frames or () if frame["leave_one_out"] is not None]
     return [[frame["name"], _percent(frame["overlap_error"]), *_frame(frame)] for frame in fitted]
 
 
 def _frame(frame: Mapping[str, Any]) -> list[str]:
-    other = frame["without_it"]
+    other = frame["leave_one_out"]
     return [
         _fixed(frame["residual_px"], 2),
         _fixed(other["residual_px"], 2),
         _fixed(other["expected_px"], 2),
-        _fixed(other["turned_deg"], 3),
-        _fixed(_scaled(other["moved_m"], 1000.0), 1),
+        _fixed(other["rotation_deg"], 3),
+        _fixed(_scaled(other["shift_m"], 1000.0), 1),
     ]
 
 
@@ -197,7 +200,7 @@ def _plane_words(confirmed: Mapping[str, Any] | None) -> list[str]:
         words.append(f"{name}{count}; log odds of all over chance: {_fixed(frame['log_odds'], 1)}.")
     pose = confirmed["pose"]
     if pose is not None:
-        turn, shift = _worst(pose["rotation_sigma_deg"]), _worst(pose["translation_sigma_m"])
+        turn, shift = _worst(pose["sigma"]["rotation_deg"]), _worst(pose["sigma"]["translation_m"])
         codes = ", ".join(dict.fromkeys(warning["code"] for warning in pose["warnings"]))
         words.append(
             f"The pose by these regions alone (1 sigma {angle_text(turn)} and {length_text(shift)}) is"
@@ -208,9 +211,10 @@ def _plane_words(confirmed: Mapping[str, Any] | None) -> list[str]:
 
 
 def _sigmas(result: Mapping[str, Any]) -> list[list[str]]:
+    sigma = result["sigma"]
     return [
-        ["rotation about it (deg)", *(_fixed(value, 4) for value in result["rotation_sigma_deg"])],
-        ["translation along it (mm)", *(_fixed(_scaled(value, 1000.0), 2) for value in result["translation_sigma_m"])],
+        ["rotation about it (deg)", *(_fixed(value, 4) for value in sigma["rotation_deg"])],
+        ["translation along it (mm)", *(_fixed(_scaled(value, 1000.0), 2) for value in sigma["translation_m"])],
     ]
 
 
@@ -228,10 +232,11 @@ def _alternatives(alternatives: Sequence[Mapping[str, Any]]) -> list[list[str]]:
 
 
 def _settings(result: Mapping[str, Any]) -> str:
+    found = result["diagnostics"]
     versions = ", ".join(f"{name} {version}" for name, version in result["versions"].items())
     seconds = ", ".join(f"{name} {value:.2f} s" for name, value in result["seconds"].items())
     solver = ", ".join(f"{name} {value}" for name, value in result["solver"].items())
-    solver += f"; {result['evaluations']} evaluations; {result['termination']}"
+    solver += f"; {found['evaluations']} evaluations; {found['termination']}"
     return f"Solver: {solver}. Time: {seconds}. Versions: {versions}."
 
 

@@ -8,23 +8,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from regionpose.alignment.calibration import Calibration
 from regionpose.geometry.pose import Pose
 from regionpose.io.exports.view import camera_values
 from regionpose.scene.estimate import SceneEstimate
 from regionpose.scene.exposure import SceneData
+from regionpose.scene.headline import headline, limits
 from regionpose.scene.inputs import input_values, versions
 from regionpose.scene.loading import Scene
 from regionpose.scene.paths import relative
 from regionpose.scene.region_sides import WorldSide
 from regionpose.scene.region_values import confirmed_values
-from regionpose.scene.values import pose_values, warning_values
-from regionpose.scene.verdict import limits
-from regionpose.solve.estimate import PoseEstimate
+from regionpose.scene.values import pose_values, sigma_values, warning_values
+from regionpose.solve.estimate import RegionsOnly
+from regionpose.solve.prior import Prior
+from regionpose.solve.rig_diagnostics import FrameFit, LeaveOneOut
 
-FORMAT = "regionpose result 1"
+FORMAT = "regionpose result 2"
 
 COVARIANCE_CONVENTION = (
     "order [omega_x, omega_y, omega_z (rad), tau_x, tau_y, tau_z (m)] along the camera's axes; "
@@ -38,19 +38,19 @@ def scene_result(run: SceneEstimate, folder: Path | None = None) -> dict[str, An
     Its paths are those of a file in `folder`, by default that of the scene file.
     """
     place = run.scene.path.parent if folder is None else folder
-    told = _told_of_pose(run, place) | _told_of_fit(run) | _told_of_regions(run, place) | _told_of_run(run, place)
-    return {key: plain(value) for key, value in told.items()}
+    values = _pose_section(run) | {"diagnostics": _diagnostics_section(run, place)} | _run_section(run, place)
+    return {key: plain(value) for key, value in values.items()}
 
 
-def _told_of_pose(run: SceneEstimate, folder: Path) -> dict[str, Any]:
-    """The pose both ways, whose camera's it is, and how well it is known."""
+def _pose_section(run: SceneEstimate) -> dict[str, Any]:
+    """Whether to trust the pose, the pose both ways, its precision and its warnings."""
     estimate = run.estimate
-    max_rotation_sigma_deg, max_translation_sigma_m = limits(run)
+    max_rotation_deg, max_translation_m = limits(run)
     return {
         "format": FORMAT,
-        "scene": relative(run.scene.path, folder),
-        "camera": camera_values(run.camera),
-        "image": image_path(run.sides.scene, folder) if len(run.frames) == 1 else None,
+        "status": estimate.status.value,
+        "headline": headline(run),
+        "confidence": estimate.confidence,
         "camera_from_world": pose_values(estimate.pose, "x_camera = rotation_matrix @ x_world + translation_m"),
         "world_from_camera": pose_values(
             estimate.pose.inverse(), "x_world = rotation_matrix @ x_camera + translation_m"
@@ -58,38 +58,20 @@ def _told_of_pose(run: SceneEstimate, folder: Path) -> dict[str, Any]:
         "camera_center_in_world_m": estimate.pose.camera_center,
         "covariance": estimate.covariance,
         "covariance_convention": COVARIANCE_CONVENTION,
-        "rotation_sigma_deg": estimate.rotation_sigma_deg,
-        "translation_sigma_m": estimate.translation_sigma_m,
-        "max_rotation_sigma_deg": max_rotation_sigma_deg,
-        "max_translation_sigma_m": max_translation_sigma_m,
+        "sigma": sigma_values(estimate),
+        "max_sigma": {"rotation_deg": max_rotation_deg, "translation_m": max_translation_m},
+        "warnings": [warning_values(warning, run.names) for warning in estimate.warnings],
     }
 
 
-def _told_of_fit(run: SceneEstimate) -> dict[str, Any]:
-    """How well it fits the regions and the edges of photo and cloud."""
-    estimate = run.estimate
+def _diagnostics_section(run: SceneEstimate, folder: Path) -> dict[str, Any]:
+    """How the pose was found, and how well regions, frames and edges fit it."""
+    whole = run.estimate.diagnostics
     return {
-        "confidence": estimate.confidence,
-        "mode_probability": estimate.mode_probability,
-        "overlap_error": estimate.overlap_error,
-        "boundary_noise_px": estimate.boundary_noise_px,
-        "outlier_fraction": estimate.outlier_fraction,
-        "scene_agreement": agreement_values(run),
-        "edge_search": edge_search_values(run),
-        "confirmed_regions": confirmed_values(run),
-        "sensor_origin": sensor_origin_values(run),
-        "camera_near": camera_near_values(run),
-    }
-
-
-def _told_of_regions(run: SceneEstimate, folder: Path) -> dict[str, Any]:
-    """Region by region and frame by frame; other poses, and warnings."""
-    estimate = run.estimate
-    return {
-        "regions": [values for view in run.views for values in region_values(view)],
-        "matching": matching_values(run),
-        "frames": frame_values(run, folder),
-        "between_frame_sigma": None if run.between_frame_sigma is None else asdict(run.between_frame_sigma),
+        "mode_probability": whole.mode_probability,
+        "overlap_error": whole.overlap_error,
+        "boundary_noise_px": whole.boundary_noise_px,
+        "outlier_fraction": whole.outlier_fraction,
         "alternatives": [
             {
                 "camera_from_world": pose_values(other.pose),
@@ -97,9 +79,18 @@ def _told_of_regions(run: SceneEstimate, folder: Path) -> dict[str, Any]:
                 "mode_probability": other.mode_probability,
                 "overlap_error": other.overlap_error,
             }
-            for other in estimate.alternatives
+            for other in whole.alternatives
         ],
-        "warnings": [warning_values(warning, run.names) for warning in estimate.warnings],
+        "regions": [values for view in run.views for values in region_values(view)],
+        "matching": matching_values(run),
+        "rig": rig_values(run, folder),
+        "edges": edge_values(run),
+        "confirmed_regions": confirmed_values(run),
+        "sensor_origin": sensor_origin_values(run),
+        "camera_near": camera_near_values(run),
+        "converged": whole.converged,
+        "termination": whole.termination,
+        "evaluations": whole.evaluations,
     }
 
 
@@ -113,22 +104,21 @@ def cloud_path(scene: Scene, folder: Path) -> str | None:
     return None if scene.cloud is None else relative(scene.file(scene.cloud.file), folder)
 
 
-def _told_of_run(run: SceneEstimate, folder: Path) -> dict[str, Any]:
-    """How it was computed, and from which files."""
-    estimate = run.estimate
+def _run_section(run: SceneEstimate, folder: Path) -> dict[str, Any]:
+    """What it was computed from, and how."""
     return {
-        "converged": estimate.converged,
-        "termination": estimate.termination,
-        "evaluations": estimate.evaluations,
+        "scene": relative(run.scene.path, folder),
+        "camera": camera_values(run.camera),
+        "image": image_path(run.sides.scene, folder) if len(run.frames) == 1 else None,
         "solver": run.scene.model.solver.model_dump(),
-        "exports": exports(estimate.pose),
+        "exports": exports(run.estimate.pose),
         "inputs": input_values(run.scene, folder),
         "versions": versions(),
         "seconds": {name: round(seconds, 4) for name, seconds in run.seconds.items()},
     }
 
 
-def agreement_values(run: SceneEstimate) -> dict[str, Any] | None:
+def alignment_values(run: SceneEstimate) -> dict[str, Any] | None:
     """How well photos and clouds agree at the pose beside the regions; None where they were not compared."""
     held = [alignment for alignment in run.alignments if alignment is not None]
     if not held:
@@ -152,7 +142,8 @@ def camera_near_values(run: SceneEstimate) -> dict[str, Any] | None:
     nothing was.
     """
     item = run.scene.model.prior
-    prior = run.prior if run.calibration is None else run.calibration.prior.rebase(-run.sides.origin)
+    edges = run.estimate.diagnostics.edges
+    prior = run.prior if edges is None else edges.prior
     if prior.camera_near is None:
         return None
     by = "prior.camera_near" if item.camera_near is not None else "sensor_origin" if run.scanner else "assumption"
@@ -163,7 +154,7 @@ def region_values(run: SceneEstimate) -> list[dict[str, Any]]:
     """Each region's overlap error (a fraction), also before where the scene gives an initial pose, the share of its
     samples that are seen on their side of its contour, the share that the cloud hides, and its sizes.
     """
-    errors, before, fits = run.estimate.region_overlap_errors, run.errors_before, run.sample_fits
+    errors, before, fits = run.estimate.diagnostics.region_overlap_errors, run.errors_before, run.sample_fits
     found = {} if run.sides.matching is None else dict(run.sides.matching.pairs)
     given = run.local_initial is not None
     return [
@@ -203,28 +194,36 @@ def matching_values(run: SceneEstimate) -> list[dict[str, Any]] | None:
     ] or None
 
 
-def frame_values(run: SceneEstimate, folder: Path) -> list[dict[str, Any]] | None:
-    """How each of several frames fits, and how far the pose of the others is from that of all; None of one photo."""
-    if not run.fits:
-        return None if len(run.frames) == 1 else [_unfitted_frame(view, folder) for view in run.views]
-    return [
-        {
-            "name": fit.name,
-            "image": image_path(view.sides.scene, folder),
-            "cloud": cloud_path(view.sides.scene, folder),
-            "overlap_error": fit.overlap_error,
-            "residual_px": fit.residual_px,
-            "without_it": {
-                "residual_px": other.residual_px,
-                "expected_px": other.expected_px,
-                "turned_deg": other.rotation_deg,
-                "moved_m": other.shift_m,
-                "disagrees": other.is_outlier,
-            },
-            "scene_agreement": agreement_values(view),
-        }
-        for fit, other, view in zip(run.fits, run.leave_one_out, run.views, strict=True)
-    ]
+def rig_values(run: SceneEstimate, folder: Path) -> dict[str, Any] | None:
+    """How each of several frames fits, and how far frames are off as wholes; None of one photo."""
+    if len(run.frames) == 1:
+        return None
+    rig = run.estimate.diagnostics.rig
+    if rig is None:
+        return {"frames": [_unfitted_frame(view, folder) for view in run.views], "between_frame_sigma": None}
+    fits = zip(rig.frames, rig.leave_one_out, run.views, strict=True)
+    frames = [_frame_values(fit, other, view, folder) for fit, other, view in fits]
+    sigma = rig.between_frame_sigma
+    return {"frames": frames, "between_frame_sigma": None if sigma is None else asdict(sigma)}
+
+
+def _frame_values(fit: FrameFit, other: LeaveOneOut, view: SceneEstimate, folder: Path) -> dict[str, Any]:
+    """How a frame fits, and how far the pose of the others is from that of all."""
+    return {
+        "name": fit.name,
+        "image": image_path(view.sides.scene, folder),
+        "cloud": cloud_path(view.sides.scene, folder),
+        "overlap_error": fit.overlap_error,
+        "residual_px": fit.residual_px,
+        "leave_one_out": {
+            "residual_px": other.residual_px,
+            "expected_px": other.expected_px,
+            "rotation_deg": other.rotation_deg,
+            "shift_m": other.shift_m,
+            "is_outlier": other.is_outlier,
+        },
+        "alignment": alignment_values(view),
+    }
 
 
 def _unfitted_frame(view: SceneEstimate, folder: Path) -> dict[str, Any]:
@@ -236,51 +235,55 @@ def _unfitted_frame(view: SceneEstimate, folder: Path) -> dict[str, Any]:
         "cloud": cloud_path(scene, folder),
         "overlap_error": None,
         "residual_px": None,
-        "without_it": None,
-        "scene_agreement": agreement_values(view),
+        "leave_one_out": None,
+        "alignment": alignment_values(view),
     }
 
 
-def edge_search_values(run: SceneEstimate) -> dict[str, Any] | None:
+def edge_values(run: SceneEstimate) -> dict[str, Any] | None:
     """What the edges of photos and clouds say of the pose; None where they were not looked at.
 
     Logarithms of odds: for the pose over chance, and over the likeliest other place.
     """
-    found = run.calibration
+    found = run.estimate.diagnostics.edges
     if found is None:
         return None
-    prior, focal = found.prior.rebase(-run.sides.origin), found.focal
-    initial = prior.initial
+    focal, regions = found.focal, found.regions_only
     return {
         "log_odds": found.log_odds,
-        "log_odds_over_next": found.lead,
-        "edges": found.edges,
-        "prior": {
-            "camera_near_m": prior.camera_near,
-            "camera_near_sigma_m": prior.camera_near_sigma_m,
-            "up": prior.up,
-            "up_sigma_deg": prior.up_sigma_deg,
-            "initial_camera_from_world": None if initial is None else pose_values(initial),
-            "initial_rotation_sigma_deg": prior.initial_rotation_sigma_deg,
-            "initial_center_sigma_m": prior.initial_center_sigma_m,
-        },
+        "log_odds_over_next": found.log_odds_over_next,
+        "count": found.count,
+        "alignment": alignment_values(run),
+        "prior": _prior_values(found.prior),
         "assumed": list(found.assumed),
-        "focal": focal
-        and {"log_odds": focal.log_odds, "best_factor": focal.factor, "moved_m_by_1_percent": focal.shift_m},
-        "regions": None if found.regions is None else _before_values(found, found.regions, run.sides.origin),
+        "focal": focal and {"log_odds": focal.log_odds, "factor": focal.factor, "shift_m": focal.shift_m},
+        "regions_only": None if regions is None else _regions_only_values(regions),
     }
 
 
-def _before_values(found: Calibration, regions: PoseEstimate, origin: NDArray[np.float64]) -> dict[str, Any]:
-    """The regions' answer alone, and what edges did to it."""
-    before = regions.pose if found.before is None else found.before
+def _prior_values(prior: Prior) -> dict[str, Any]:
+    initial = prior.initial
     return {
-        "confidence": regions.confidence,
-        "answers": 1 + len(regions.alternatives),
-        "rank": None if found.rank_before is None else found.rank_before + 1,
-        "turned_deg": found.turned_deg,
-        "moved_m": found.moved_m,
-        "camera_from_world": pose_values(before.rebase(-origin)),
+        "camera_near_m": prior.camera_near,
+        "camera_near_sigma_m": prior.camera_near_sigma_m,
+        "up": prior.up,
+        "up_sigma_deg": prior.up_sigma_deg,
+        "initial_camera_from_world": None if initial is None else pose_values(initial),
+        "initial_rotation_sigma_deg": prior.initial_rotation_sigma_deg,
+        "initial_center_sigma_m": prior.initial_center_sigma_m,
+    }
+
+
+def _regions_only_values(regions: RegionsOnly) -> dict[str, Any]:
+    """The regions' answer alone, and what edges did to it."""
+    estimate = regions.estimate
+    return {
+        "confidence": estimate.confidence,
+        "answers": 1 + len(estimate.diagnostics.alternatives),
+        "rank": regions.rank,
+        "rotation_deg": regions.rotation_deg,
+        "shift_m": regions.shift_m,
+        "camera_from_world": pose_values(estimate.pose if regions.pose is None else regions.pose),
     }
 
 

@@ -14,7 +14,7 @@ DEFAULT_UP_SIGMA_DEG = 15.0
 
 
 def searched_text(found: Mapping[str, Any]) -> str:
-    """The poses that were searched; `found`: `edge_search` of a result."""
+    """The poses that were searched; `found`: `edges` of a result's diagnostics."""
     prior = found["prior"]
     initial, sigma_m, place = prior["initial_camera_from_world"], prior["camera_near_sigma_m"], prior["camera_near_m"]
     if place is None:
@@ -34,8 +34,8 @@ def odds_text(found: Mapping[str, Any]) -> str:
     lead = found["log_odds_over_next"]
     # No number of JSON is infinite.
     is_alone = lead is None or not np.isfinite(lead)
-    runner_up = "no other pose" if is_alone else f"e^{lead:.1f} over the likeliest other pose"
-    return f"{found['edges']} edges; odds e^{found['log_odds']:.1f} over chance, {runner_up}"
+    others = "no other pose" if is_alone else f"e^{lead:.1f} over the likeliest other pose"
+    return f"{found['count']} edges; odds e^{found['log_odds']:.1f} over chance, {others}"
 
 
 def vector_text(values: object, digits: int) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from regionpose.geometry.pose import Pose
+from regionpose.solve.estimate import PoseEstimate
 from regionpose.solve.warning import PoseWarning
 
 
@@ -18,11 +19,17 @@ def pose_values(pose: Pose, meaning: str | None = None) -> dict[str, Any]:
     return values
 
 
+def sigma_values(estimate: PoseEstimate) -> dict[str, Any]:
+    """Standard deviations along the camera's axes."""
+    return {"rotation_deg": estimate.sigma.rotation_deg, "translation_m": estimate.sigma.translation_m}
+
+
 def warning_values(warning: PoseWarning, names: tuple[str, ...]) -> dict[str, Any]:
     """A warning with the names of its regions."""
     return {
-        "code": warning.code,
-        "message": warning.message_for(names),
+        "code": warning.code.value,
+        "text": warning.text_with(names),
+        "advice": warning.advice,
         "regions": [names[index] for index in warning.regions],
         "values": dict(warning.values),
     }

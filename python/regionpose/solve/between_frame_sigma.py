@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from regionpose.solve.rig_diagnostics import BetweenFrameSigma
 
 Array = NDArray[np.float64]
 
@@ -50,22 +51,6 @@ class Factor(NamedTuple):
         vector = known * (axes.T @ (increment / deviations)) * (left > 0.0)
         scale = 1.0 / deviations
         return cls(np.outer(scale, scale) * ((axes * left) @ axes.T), scale * (axes @ vector))
-
-
-@dataclass(frozen=True)
-class BetweenFrameSigma:
-    """How far a frame is off as a whole, beside what its regions say of it (docs/math.md, eq. 12.8).
-
-    Parameters
-    ----------
-    rotation_sigma_deg : float
-        Standard deviation of its rotation about each of the camera's axes, degrees.
-    center_sigma_m : float
-        Standard deviation of the camera's place along each, meters.
-    """
-
-    rotation_sigma_deg: float
-    center_sigma_m: float
 
 
 class Scattered(NamedTuple):

@@ -79,7 +79,7 @@ class Distances(NamedTuple):
     normals: Array
 
 
-def contours_of(camera: Camera, pose: Pose, images: Sequence[ImageRegion], worlds: Sequence[WorldRegion]) -> Contours:
+def contours_of(camera: Camera, images: Sequence[ImageRegion], worlds: Sequence[WorldRegion], pose: Pose) -> Contours:
     """The contours of region pairs; edges are split for this camera at this pose."""
     means = [_core.contour_pieces(image.rings, image.excluded_edges(camera)) for image in images]
     rings = [[_split_ring(camera, pose, ring) for ring in world.rings] for world in worlds]
@@ -97,7 +97,7 @@ def contours_of(camera: Camera, pose: Pose, images: Sequence[ImageRegion], world
     )
 
 
-def distances_of(camera: Camera, pose: Pose, contours: Contours) -> Distances | None:
+def distances_of(camera: Camera, contours: Contours, pose: Pose) -> Distances | None:
     """Distances of the pieces from their region's outline at a pose; None where a vertex is not visible."""
     pixels = _projected(camera, pose, contours)
     if not np.isfinite(pixels).all():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -24,11 +24,10 @@ from regionpose.solve.contours import (
     outline_derivatives,
     robust_sigma,
 )
-from regionpose.validation.arrays import KeptArrays
+from regionpose.solve.rig_diagnostics import CameraRefinement, Outcome
 
 Array = NDArray[np.float64]
 CameraPart = Literal["focal", "center", "distortion"]
-Outcome = Literal["refined", "confirmed", "weak"]
 RefinableCamera = PinholeCamera | FisheyeCamera
 
 PARAMETERS: dict[str, tuple[str, ...]] = {"focal": ("fx", "fy"), "center": ("cx", "cy"), "distortion": ("k1", "k2")}
@@ -67,47 +66,6 @@ OUT_OF_VIEW_PX = 1e6
 
 SMALLEST_SINGULAR = 1e-12
 """Least singular value of the scaled Jacobian, a share of the largest, so that a free direction stays finite."""
-
-
-@dataclass(frozen=True, eq=False)
-class CameraRefinement(KeptArrays):
-    """What the contours say about a camera.
-
-    Parameters
-    ----------
-    camera : Camera
-        The one to use.
-    pose : Pose
-        The one that belongs to it.
-    outcome : {"refined", "confirmed", "weak"}
-        "confirmed" where the given camera is within the noise, "weak" where the geometry cannot tell; it is kept then.
-    parameters : tuple of str
-        Names, in order.
-    given, found : (p,) array
-        Their values, focal lengths and center in pixels.
-    covariance : (6 + p, 6 + p) array
-        Of `[omega (rad), tau (meters), parameters]`, found jointly.
-    weak : tuple of str
-        The parameters that are not determined.
-    residual_px : tuple of 2 float
-        Robust standard deviation of the distances between contours and outlines, pixels, with the given camera and with
-        the parameters found.
-    """
-
-    camera: Camera
-    pose: Pose
-    outcome: Outcome
-    parameters: tuple[str, ...]
-    given: Array
-    found: Array
-    covariance: Array
-    weak: tuple[str, ...]
-    residual_px: tuple[float, float]
-
-    @property
-    def sigma(self) -> Array:
-        """Standard deviations of the parameters, (p,)."""
-        return np.sqrt(np.diag(self.covariance)[6:])
 
 
 def parameter_names(camera: Camera, parts: Sequence[str]) -> tuple[str, ...]:
@@ -192,7 +150,8 @@ class ContourProblem:
     def distances(self, at: Array) -> Distances | None:
         """Distances of all contours; None out of view or where the parameters make no camera."""
         try:
-            return distances_of(*self.view(at), self._contours)
+            camera, pose = self.view(at)
+            return distances_of(camera, self._contours, pose)
         except ValueError:
             return None
 

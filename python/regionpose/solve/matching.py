@@ -19,6 +19,7 @@ from regionpose.solve.options import Solver, checked_solver
 from regionpose.solve.prior import Prior
 from regionpose.solve.single import estimate_pose
 from regionpose.solve.warning import PoseWarning
+from regionpose.solve.warning_code import WarningCode
 from regionpose.validation.arguments import checked_arguments
 from regionpose.validation.arrays import real_rows
 
@@ -426,10 +427,8 @@ def _penalty(prior: _core.Prior | None, pose: _core.Solution) -> float:
 def _warnings(assignments: list[Pairs], sides: _Sides) -> tuple[PoseWarning, ...]:
     warnings = []
     if len(assignments) > 1:
-        text = "{others} other assignment(s) explain the image about as well"
-        warnings.append(PoseWarning("ambiguous-matching", text, values={"others": len(assignments) - 1}))
+        warnings.append(PoseWarning(WarningCode.AMBIGUOUS_MATCHING, values={"others": len(assignments) - 1}))
     images, worlds = len(sides.observed), len(sides.worlds)
     if len(assignments[0]) == 1 and images * worlds > 1:
-        text = "a single pair of {images} image and {worlds} world regions was found: no other confirms it"
-        warnings.append(PoseWarning("unconfirmed-matching", text, values={"images": images, "worlds": worlds}))
+        warnings.append(PoseWarning(WarningCode.UNCONFIRMED_MATCHING, values={"images": images, "worlds": worlds}))
     return tuple(warnings)

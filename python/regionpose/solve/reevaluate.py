@@ -16,7 +16,8 @@ from regionpose.regions.world import WorldRegion
 from regionpose.solve.core_inputs import core_problem
 from regionpose.solve.estimate import PoseEstimate
 from regionpose.solve.options import Solver
-from regionpose.solve.warning import PoseWarning
+from regionpose.solve.warning import PoseWarning, warning_from_core
+from regionpose.solve.warning_code import WarningCode
 
 Array = NDArray[np.float64]
 
@@ -39,8 +40,7 @@ def moved_estimate(
         estimate,
         pose=pose,
         covariance=covariance,
-        overlap_error=whole,
-        region_overlap_errors=errors,
+        diagnostics=replace(estimate.diagnostics, overlap_error=whole, region_overlap_errors=errors),
         warnings=_with_geometry(estimate.warnings, problem, pose, covariance, solver.limits),
     )
 
@@ -63,20 +63,18 @@ def scattered_estimate(
         1.0, float(np.trace(np.linalg.pinv(estimate.covariance, hermitian=True) @ covariance)) / len(covariance)
     )
     moved = moved_estimate(estimate, pose, covariance, camera, image_regions, world_regions, solver)
-    return replace(
-        moved,
-        confidence=min(1.0, near * estimate.confidence),
-        mode_probability=min(1.0, near * estimate.mode_probability),
-        alternatives=tuple(
-            replace(
-                other,
-                covariance=factor * other.covariance,
-                confidence=min(1.0, near * other.confidence),
-                mode_probability=min(1.0, near * other.mode_probability),
-            )
-            for other in estimate.alternatives
-        ),
+    alternatives = tuple(
+        replace(
+            other,
+            covariance=factor * other.covariance,
+            confidence=min(1.0, near * other.confidence),
+            mode_probability=min(1.0, near * other.mode_probability),
+        )
+        for other in estimate.diagnostics.alternatives
     )
+    mode_probability = min(1.0, near * estimate.diagnostics.mode_probability)
+    diagnostics = replace(moved.diagnostics, mode_probability=mode_probability, alternatives=alternatives)
+    return replace(moved, confidence=min(1.0, near * estimate.confidence), diagnostics=diagnostics)
 
 
 def _with_geometry(
@@ -87,9 +85,8 @@ def _with_geometry(
     limits: tuple[float, float],
 ) -> tuple[PoseWarning, ...]:
     """The warnings, whether the standard deviations are within the limits told anew."""
-    kept = [warning for warning in warnings if warning.code != "weak-geometry"]
+    kept = [warning for warning in warnings if warning.code != WarningCode.WEAK_GEOMETRY]
     weak = problem.weak_geometry(pose.rotation_matrix, pose.translation, covariance, limits=limits)
     if weak is not None:
-        code, text, regions, values = weak
-        kept.append(PoseWarning(code, text, tuple(regions), values))
+        kept.append(warning_from_core(weak))
     return tuple(kept)

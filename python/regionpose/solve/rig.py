@@ -13,13 +13,12 @@ from regionpose.cameras import Camera
 from regionpose.geometry.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
-from regionpose.solve.between_frame_sigma import BetweenFrameSigma, Factor, Scattered, scattered
+from regionpose.solve.between_frame_sigma import Factor, Scattered, scattered
 from regionpose.solve.contours import Contours, contours_of, distances_of, robust_sigma
 from regionpose.solve.core_inputs import core_problem
 from regionpose.solve.estimate import PoseError, PoseEstimate
 from regionpose.solve.intrinsics import (
     CameraPart,
-    CameraRefinement,
     ContourProblem,
     parameter_names,
     refined_camera,
@@ -27,15 +26,14 @@ from regionpose.solve.intrinsics import (
 from regionpose.solve.options import EXACT_EXPOSURE, Solver, checked_solver
 from regionpose.solve.prior import Prior
 from regionpose.solve.reevaluate import scattered_estimate
+from regionpose.solve.rig_diagnostics import OUTLIER_RATIO, CameraRefinement, FrameFit, LeaveOneOut, RigDiagnostics
 from regionpose.solve.single import estimate_pose
 from regionpose.solve.warning import PoseWarning
+from regionpose.solve.warning_code import WarningCode
+from regionpose.solve.warning_texts import Value
 from regionpose.validation.arguments import checked_arguments
-from regionpose.validation.arrays import KeptArrays
 
 Array = NDArray[np.float64]
-
-OUTLIER_RATIO = 3.0
-"""Distances of a frame's contours from where the others put them, over those expected, above which it disagrees."""
 
 MOST_LOST = 3.0
 """Times the joint pose's deviations, in any direction, beyond which frames by themselves don't add up to it, as where
@@ -64,120 +62,6 @@ class Frame:
     name: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class FrameFit(KeptArrays):
-    """How a frame fits the joint pose.
-
-    Parameters
-    ----------
-    name : str
-        The frame's.
-    overlap_error : float
-        Of all its regions together, a fraction as of `PoseEstimate`.
-    region_overlap_errors : (k,) array
-        Region by region.
-    residual_px : float
-        Size of the distances between contours and projected outlines, pixels: root mean square, or robust standard
-        deviation where that is less; infinite where an outline isn't wholly visible, NaN where each region is known by
-        one scan line alone.
-    """
-
-    name: str
-    overlap_error: float
-    region_overlap_errors: Array
-    residual_px: float
-
-
-@dataclass(frozen=True, eq=False)
-class LeaveOneOut(KeptArrays):
-    """What the other frames say without one.
-
-    Parameters
-    ----------
-    name : str
-        The frame's that is left out.
-    pose : Pose
-        That of the others.
-    covariance : (6, 6) array
-        Of its left increment, rad and meters.
-    rotation_deg : float
-        The angle between both, degrees.
-    shift_m : float
-        How far apart both put the middle of all regions, meters.
-    residual_px : float
-        Of the frame's own distances at the others' pose, as of `FrameFit`; infinite where an outline isn't wholly
-        visible.
-    expected_px : float
-        What the others' own residuals and the covariance of their pose lead to expect.
-    """
-
-    name: str
-    pose: Pose
-    covariance: Array
-    rotation_deg: float
-    shift_m: float
-    residual_px: float
-    expected_px: float
-
-    @property
-    def is_outlier(self) -> bool:
-        """Whether the frame disagrees with the others by more than their noise explains."""
-        return self.residual_px > OUTLIER_RATIO * self.expected_px
-
-
-@dataclass(frozen=True, eq=False)
-class RigEstimate:
-    """One pose of a camera in a rig, from all frames.
-
-    Parameters
-    ----------
-    estimate : PoseEstimate
-        Of all regions together, frame after frame; pose and covariance allow for errors of whole frames.
-    camera : Camera
-        The given one, or the refined one.
-    frames : tuple of FrameFit
-        In the frames' order.
-    leave_one_out : tuple of LeaveOneOut
-        In the frames' order; none where there is one frame only.
-    between_frame_sigma : BetweenFrameSigma or None
-        How far a frame is off as a whole; None where fewer than two frames have a pose of their
-        own, or these do not add up to the joint one.
-    refinement : CameraRefinement or None
-        Of the camera, None where it wasn't asked for.
-    warnings : tuple of PoseWarning
-        Those of the estimate, "outlier-frame" for each frame that disagrees with the others (found one after the other,
-        the worst first), "weak-camera" where the camera could not be refined.
-    """
-
-    estimate: PoseEstimate
-    camera: Camera
-    frames: tuple[FrameFit, ...]
-    leave_one_out: tuple[LeaveOneOut, ...]
-    between_frame_sigma: BetweenFrameSigma | None
-    refinement: CameraRefinement | None
-    warnings: tuple[PoseWarning, ...]
-
-    @property
-    def pose(self) -> Pose:
-        """The joint pose `camera_from_world`, the world being the rig's frame."""
-        return self.estimate.pose
-
-    @property
-    def covariance(self) -> Array:
-        """The covariance (6, 6) of the joint pose's left increment `[omega (rad), tau (meters)]`."""
-        return self.estimate.covariance
-
-    @property
-    def rotation_sigma_deg(self) -> Array:
-        """Standard deviations of the rotation about the camera's axes, (3,), degrees."""
-        return self.estimate.rotation_sigma_deg
-
-    @property
-    def translation_sigma_m(self) -> Array:
-        """Standard deviations of the translation along the camera's axes, (3,), meters."""
-        return self.estimate.translation_sigma_m
-
-
 @checked_arguments
 def estimate_rig(
     camera: Camera,
@@ -186,7 +70,7 @@ def estimate_rig(
     prior: Prior | None = None,
     solver: Solver | None = None,
     refine_camera: Sequence[CameraPart] = (),
-) -> RigEstimate:
+) -> PoseEstimate:
     """The one pose `camera_from_world` at which all frames of a rig look as they were observed.
 
     Every frame is left out in turn and compared with the pose of the others. Errors of whole frames, as of the time
@@ -210,8 +94,12 @@ def estimate_rig(
 
     Returns
     -------
-    RigEstimate
-        The pose, each frame's fit, the pose without each frame, and the camera.
+    PoseEstimate
+        The pose `camera_from_world`, the world being the rig's frame, of all regions together, frame after frame; it
+        and its covariance allow for errors of whole frames. `diagnostics.rig` holds each frame's fit, the pose without
+        each frame, and the camera. Warnings are those of all regions, `outlier-frame` for each frame that disagrees
+        with the others (found one after the other, the worst first), and `unobservable-intrinsics` where the camera
+        could not be refined.
 
     Raises
     ------
@@ -243,7 +131,9 @@ def estimate_rig(
     if found is not None:
         pose = estimate.pose.retract(found.increment)
         # Errors of the calibration are the same in all frames.
-        calibration = options.calibration_covariance(estimate.focal_shift, estimate.pixel_angle_rad)
+        calibration = options.calibration_covariance(
+            estimate.diagnostics.focal_shift, estimate.diagnostics.pixel_angle_rad
+        )
         covariance = found.covariance + calibration
         estimate = scattered_estimate(estimate, pose, covariance, rig.camera, *_sides(listed), rig.solver)
     elif len(listed) > 1:
@@ -251,15 +141,15 @@ def estimate_rig(
         options = replace(options, driver=rig.solver.driver)
         estimate = replace(rig.started_at(estimate.pose), solver=options).joint(listed)
     leave_one_out = rig.leave_one_out(listed, estimate.pose)
-    return RigEstimate(
-        estimate=estimate,
+    fits = RigDiagnostics(
         camera=rig.camera,
         frames=_frame_fits(rig.camera, listed, estimate),
         leave_one_out=leave_one_out,
         between_frame_sigma=None if found is None else found.between_frame_sigma,
         refinement=refinement,
-        warnings=(*estimate.warnings, *rig.outlier_warnings(listed, leave_one_out), *_camera_warnings(refinement)),
     )
+    warnings = (*estimate.warnings, *rig.outlier_warnings(listed, leave_one_out), *_camera_warnings(refinement))
+    return replace(estimate, warnings=warnings, diagnostics=replace(estimate.diagnostics, rig=fits))
 
 
 @dataclass(frozen=True)
@@ -344,7 +234,10 @@ class _Rig:
             alone = near.joint([frame])
         except PoseError:
             return None
-        answers = [(joint.local_coordinates(answer.pose), answer.covariance) for answer in (alone, *alone.alternatives)]
+        answers = [
+            (joint.local_coordinates(answer.pose), answer.covariance)
+            for answer in (alone, *alone.diagnostics.alternatives)
+        ]
         increment, covariance = min(answers, key=lambda answer: float(np.linalg.norm(answer[0] / deviations)))
         if np.linalg.norm(increment[:3]) > ANOTHER_PLACE or not np.isfinite(covariance).all():
             return None
@@ -472,7 +365,7 @@ def _frame_fits(camera: Camera, frames: Sequence[Frame], estimate: PoseEstimate)
     """The overlap error of a frame is the mean of its regions', weighted by their observed areas on the sphere."""
     ends = np.cumsum([len(frame.image_regions) for frame in frames])[:-1]
     fits = []
-    for frame, errors in zip(frames, np.split(estimate.region_overlap_errors, ends), strict=True):
+    for frame, errors in zip(frames, np.split(estimate.diagnostics.region_overlap_errors, ends), strict=True):
         overlap_error = float(np.average(errors, weights=_solid_angles(camera, frame)))
         residual = _residual_px(camera, estimate.pose, _contours(camera, estimate.pose, [frame]))
         fits.append(FrameFit(frame.name, overlap_error, errors, residual))
@@ -499,7 +392,7 @@ def _held_out(
     parts = [contours for one in others if (contours := _contours(camera, without.pose, [one])) is not None]
     if own is None or not parts or not np.isfinite(without.covariance).all():
         return residual, float("inf")
-    distances = [distances_of(camera, without.pose, part) for part in parts]
+    distances = [distances_of(camera, part, without.pose) for part in parts]
     scatter = float(np.median([np.inf if part is None else _root_mean_square(part.values) for part in distances]))
     problem = ContourProblem(camera, without.pose, own)
     jacobian = problem.jacobian(np.zeros(6)) / problem.unit
@@ -510,7 +403,10 @@ def _held_out(
 def _contours(camera: Camera, pose: Pose, frames: Sequence[Frame]) -> Contours | None:
     """The contours of all regions of which more than a scan line is known, beside their outlines; None without any."""
     shaped = [pair for pair in zip(*_sides(frames), strict=True) if not pair[1].is_line]
-    return contours_of(camera, pose, *zip(*shaped, strict=True)) if shaped else None
+    if not shaped:
+        return None
+    images, worlds = zip(*shaped, strict=True)
+    return contours_of(camera, images, worlds, pose)
 
 
 def _residual_px(camera: Camera, pose: Pose, contours: Contours | None) -> float:
@@ -521,7 +417,7 @@ def _residual_px(camera: Camera, pose: Pose, contours: Contours | None) -> float
     """
     if contours is None:
         return float("nan")
-    distances = distances_of(camera, pose, contours)
+    distances = distances_of(camera, contours, pose)
     if distances is None:
         return float("inf")
     return min(_root_mean_square(distances.values), robust_sigma(distances.values))
@@ -533,15 +429,11 @@ def _root_mean_square(values: Array) -> float:
 
 def _frame_warning(one: LeaveOneOut, off: Sequence[tuple[int, float]]) -> PoseWarning:
     """The warning of a frame, whose regions at these places, as far off in pixels, are what disagrees."""
-    whose = " and ".join(f"{{{index}}}" for index in range(len(off))) or "its contours"
     residual = max((residual for _, residual in off), default=one.residual_px)
-    values: dict[str, float | str] = {"name": one.name, "expected_px": one.expected_px}
-    said = f"{{name}} disagrees with the others: at their pose {whose} can't be wholly seen"
+    values: dict[str, Value] = {"name": one.name, "expected_px": one.expected_px}
     if np.isfinite(residual):
         values["residual_px"] = residual
-        said = f"{{name}} disagrees with the others: at their pose {whose} would be {{residual_px:.1f}} px off"
-    text = f"{said}, {{expected_px:.1f}} px are to be expected; check its pairs, or leave it out"
-    return PoseWarning("outlier-frame", text, tuple(place for place, _ in off), values)
+    return PoseWarning(WarningCode.OUTLIER_FRAME, tuple(place for place, _ in off), values)
 
 
 def _camera_warnings(refinement: CameraRefinement | None) -> list[PoseWarning]:
@@ -549,5 +441,4 @@ def _camera_warnings(refinement: CameraRefinement | None) -> list[PoseWarning]:
         return []
     sigmas = dict(zip(refinement.parameters, refinement.sigma, strict=True))
     named = ", ".join(f"{name} (standard deviation {sigmas[name]:.2g})" for name in refinement.weak)
-    text = "the regions don't determine {parameters}; the camera is left as it was given"
-    return [PoseWarning("weak-camera", text, values={"parameters": named})]
+    return [PoseWarning(WarningCode.UNOBSERVABLE_INTRINSICS, values={"parameters": named})]

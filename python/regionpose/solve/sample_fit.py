@@ -36,7 +36,7 @@ class SampleFit:
         return 1.0 - (len(self.beyond) + len(self.within)) / self.count if self.count else float("nan")
 
 
-def sample_fit(camera: Camera, pose: Pose, image: ImageRegion, world: WorldRegion) -> SampleFit | None:
+def sample_fit(camera: Camera, image: ImageRegion, world: WorldRegion, pose: Pose) -> SampleFit | None:
     """On which sides of its contour a region's samples are seen at a pose; None for a region that has none.
 
     Samples in a window of a region whose contour has no hole count for nothing, nor those nearest to the image's border

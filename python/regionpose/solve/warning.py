@@ -1,9 +1,13 @@
-"""What to know before trusting a pose."""
+"""What to know before trusting a pose: a code, the regions concerned, a text and an advice."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+
+from regionpose import _core
+from regionpose.solve.warning_code import WarningCode
+from regionpose.solve.warning_texts import TEXTS, Value, warning_text
 
 
 @dataclass(frozen=True)
@@ -12,40 +16,51 @@ class PoseWarning:
 
     Parameters
     ----------
-    code : str
-        What it is about, the same from version to version.
-    text : str
-        The sentence, as of `str.format`: `{0}` stands for the first of the regions, names for the values.
+    code : WarningCode
+        What it is about; a string that stays the same from version to version.
     regions : tuple of int
-        The places in the lists of the regions that it is about.
+        Indices of the regions concerned, in the lists that the pose was estimated from.
     values : mapping
-        Numbers and words of the sentence by name, with units in the names.
+        Numbers and words of the text by name, with units in the names; shares and probabilities are fractions.
 
     Examples
     --------
     >>> import regionpose as rp
-    >>> told = rp.PoseWarning("poor-overlap", "{0} is off by {percent:.0f} %", (1,), {"percent": 12.3})
-    >>> str(told)
-    'poor-overlap: region 1 is off by 12 %'
-    >>> told.message_for(["door", "sign"])
-    'region 1 (sign) is off by 12 %'
+    >>> warning = rp.PoseWarning(rp.WarningCode.POOR_OVERLAP, (1,), {"overlap_error": 0.123})
+    >>> str(warning)
+    'poor-overlap: region 1, projected with this pose, misses the observed region by 12.3 % of its area'
+    >>> warning.text_with(["door", "sign"])
+    'region 1 (sign), projected with this pose, misses the observed region by 12.3 % of its area'
+    >>> warning.advice
+    'Look at this region in the overlay: its mask or outline is wrong, or the pair does not match.'
 
     """
 
-    code: str
-    text: str
+    code: WarningCode
     regions: tuple[int, ...] = ()
-    values: Mapping[str, float | str] = field(default_factory=dict, hash=False)
+    values: Mapping[str, Value] = field(default_factory=dict, hash=False)
 
     @property
-    def message(self) -> str:
-        """The sentence, with regions by their places in the lists."""
-        return self.text.format(*(f"region {index}" for index in self.regions), **self.values)
+    def text(self) -> str:
+        """What was found, with regions by their indices."""
+        return warning_text(self.code, [f"region {index}" for index in self.regions], self.values)
 
-    def message_for(self, names: Sequence[str]) -> str:
-        """The sentence, with the regions' names, of which there is one for each."""
-        return self.text.format(*(f"region {index} ({names[index]})" for index in self.regions), **self.values)
+    def text_with(self, names: Sequence[str]) -> str:
+        """What was found, with the names of the regions, one for each of the lists' regions."""
+        named = [f"region {index} ({names[index]})" for index in self.regions]
+        return warning_text(self.code, named, self.values)
+
+    @property
+    def advice(self) -> str:
+        """What to do about it."""
+        return TEXTS[self.code].advice
 
     def __str__(self) -> str:
-        """The code and the sentence."""
-        return f"{self.code}: {self.message}"
+        """The code and the text."""
+        return f"{self.code}: {self.text}"
+
+
+def warning_from_core(parts: _core._WarningParts) -> PoseWarning:
+    """A warning of the core."""
+    code, regions, values = parts
+    return PoseWarning(WarningCode(code), tuple(regions), values)

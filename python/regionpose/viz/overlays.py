@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from PIL import Image
 
-from regionpose.alignment.agreement import Alignment
 from regionpose.cameras import Camera
 from regionpose.fusion.colors import project_points
 from regionpose.geometry.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
 from regionpose.solve.core_inputs import check_camera
+from regionpose.solve.edge_diagnostics import Alignment
 from regionpose.solve.sample_fit import SampleFit, sample_fit
 from regionpose.validation.arguments import checked_arguments
 from regionpose.validation.arrays import Array, checked_image
@@ -48,11 +48,11 @@ BACKGROUND_SHARE = 0.55
 
 @checked_arguments
 def overlay_regions(
-    image: ArrayLike,
     camera: Camera,
-    pose: Pose,
+    image: ArrayLike,
     image_regions: Sequence[ImageRegion] | None,
     world_regions: Sequence[WorldRegion],
+    pose: Pose,
     labels: Sequence[str] = (),
 ) -> Bytes:
     """The image (h, w, 3) with the projected regions' contours over the observed ones.
@@ -63,16 +63,16 @@ def overlay_regions(
 
     Parameters
     ----------
+    camera : Camera
+        That took the image.
     image : (h, w) or (h, w, 3) array
         uint8, uint16 or floats in [0, 1].
-    camera : Camera
-        That took it.
-    pose : Pose
-        `camera_from_world`.
     image_regions : sequence of ImageRegion or None
         The observed ones.
     world_regions : sequence of WorldRegion
         The projected ones.
+    pose : Pose
+        `camera_from_world`.
     labels : sequence of str
         Written beside each region; its number without.
 
@@ -85,11 +85,11 @@ def overlay_regions(
     camera.check_size(picture.shape)
     observed = _checked_pairs(camera, image_regions, world_regions, labels)
     width = max(THINNEST_LINE, LINE_SHARE * float(np.hypot(*picture.shape[:2])))
-    projected = [projected_rings(camera, pose, region) for region in world_regions]
+    projected = [projected_rings(camera, region, pose) for region in world_regions]
     lines = repeated(camera, [np.concatenate([ring, ring[:1]]) for region in observed for ring in region.rings])
     _draw_outlines(picture, lines, [ring for region in projected for ring in region], width)
     pairs = zip(observed, world_regions, strict=False)
-    fits = [fit for pair in pairs if (fit := sample_fit(camera, pose, *pair)) is not None]
+    fits = [fit for pair in pairs if (fit := sample_fit(camera, *pair, pose)) is not None]
     _draw_samples(picture, fits, width)
     names = list(labels) or [f"region {k}" for k in range(len(world_regions))]
     legend = [("observed", OBSERVED)] if observed else []
@@ -129,10 +129,10 @@ def _checked_pairs(
 
 @checked_arguments
 def overlay_depth(
-    image: ArrayLike,
     camera: Camera,
-    pose: Pose,
+    image: ArrayLike,
     points: ArrayLike,
+    pose: Pose,
     *,
     limits_m: tuple[float, float] | None = None,
     radius_px: float | None = None,
@@ -145,14 +145,14 @@ def overlay_depth(
 
     Parameters
     ----------
+    camera : Camera
+        That took the image.
     image : (h, w) or (h, w, 3) array
         uint8, uint16 or floats in [0, 1].
-    camera : Camera
-        That took it.
-    pose : Pose
-        `camera_from_world`.
     points : (n, 3) array
         World coordinates.
+    pose : Pose
+        `camera_from_world`.
     limits_m : tuple of 2 float, optional
         Nearest and farthest distance of the scale; percentiles 1 and 99 by default.
     radius_px : float, optional
@@ -165,7 +165,7 @@ def overlay_depth(
     """
     colors = checked_image(image)
     camera.check_size(colors.shape)
-    pixels, distances = project_points(points, camera, pose, colors.shape[:2], hidden=False)
+    pixels, distances = project_points(camera, points, pose, colors.shape[:2], hidden=False)
     visible = np.flatnonzero(np.isfinite(distances) & (distances > 0.0))
     near, far = checked_limits(limits_m, distances[visible])
     dot = DOT_SHARE * float(np.hypot(*colors.shape[:2])) if radius_px is None else radius_px

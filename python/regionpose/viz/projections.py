@@ -18,12 +18,12 @@ MOST_PARTS = 2000
 """Parts of an edge at the most, which passes the camera closely then."""
 
 
-def projected_lines(camera: Camera, pose: Pose, region: WorldRegion) -> list[Array]:
+def projected_lines(camera: Camera, region: WorldRegion, pose: Pose) -> list[Array]:
     """The parts of a region's outline that the camera sees at a pose, as open lines (m, 2) of pixels."""
-    return visible_pieces(projected_rings(camera, pose, region))
+    return visible_pieces(projected_rings(camera, region, pose))
 
 
-def projected_rings(camera: Camera, pose: Pose, region: WorldRegion) -> list[Array]:
+def projected_rings(camera: Camera, region: WorldRegion, pose: Pose) -> list[Array]:
     """The rings of a region at a pose, (m, 2) each, pixels: closed, and NaN where the camera doesn't see them."""
     return repeated(camera, [_projected_ring(ring, camera, pose) for ring in region.rings])
 

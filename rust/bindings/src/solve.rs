@@ -267,7 +267,7 @@ impl Estimate {
             .collect()
     }
 
-    /// (code, sentence, regions, values by name) of each warning; `{0}` in the sentence stands for the first region.
+    /// (code, regions, values by name) of each warning.
     #[getter]
     fn warnings<'py>(&self, py: Python<'py>) -> PyResult<Vec<WarningFields<'py>>> {
         self.0.warnings.iter().map(|warning| warning_fields(py, warning)).collect()

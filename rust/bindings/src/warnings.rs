@@ -1,22 +1,17 @@
-//! Warnings as Python holds them: a code, a sentence, the regions it is about, values by name.
+//! Warnings as Python takes them: a code, the regions it is about, values by name.
 
+use nalgebra::Vector3;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use regionpose::internals::verdict::warning::Warning;
+use regionpose::internals::verdict::warning::{Cause, RelativePose, Warning};
 
-pub type WarningFields<'py> = (&'static str, String, Vec<usize>, Bound<'py, PyDict>);
+pub type WarningFields<'py> = (&'static str, Vec<usize>, Bound<'py, PyDict>);
 
 const PERCENT: f64 = 1e-2;
 
-/// A warning whose sentence has `{0}` for its region, as of Python's `str.format`.
+/// The code, regions and values of a warning; the package's table of warnings holds its text.
 pub fn warning_fields<'py>(py: Python<'py>, warning: &Warning) -> PyResult<WarningFields<'py>> {
-    let region = warning.region();
-    let plain = warning.to_string().replace('{', "{{").replace('}', "}}");
-    let sentence = match region {
-        Some(index) => plain.replacen(&format!("region {index}"), "{0}", 1),
-        None => plain,
-    };
-    Ok((warning.code(), sentence, region.into_iter().collect(), values_of(py, warning)?))
+    Ok((warning.code(), warning.region().into_iter().collect(), values_of(py, warning)?))
 }
 
 /// The numbers of a warning, shares as fractions.
@@ -24,7 +19,7 @@ fn values_of<'py>(py: Python<'py>, warning: &Warning) -> PyResult<Bound<'py, PyD
     let values = PyDict::new(py);
     let set = |name: &str, value: f64| values.set_item(name, value);
     match warning {
-        Warning::Ambiguous { others } => set("others", others.len() as f64)?,
+        Warning::Ambiguous { others } => set_others(&values, others)?,
         Warning::PoorOverlap { percent, .. } => set("overlap_error", PERCENT * percent)?,
         Warning::OutlierRegion { percent, others, .. } | Warning::AmbiguousRegion { percent, others, .. } => {
             set("contour_share", PERCENT * percent)?;
@@ -34,11 +29,16 @@ fn values_of<'py>(py: Python<'py>, warning: &Warning) -> PyResult<Bound<'py, PyD
             }
         }
         Warning::LowConfidence { percent } => set("confidence", PERCENT * percent)?,
-        Warning::WeakGeometry { degrees, shift, most_degrees, most_shift, .. } => {
+        Warning::WeakGeometry { degrees, axis, shift, along, most_degrees, most_shift, causes } => {
             set("rotation_sigma_deg", *degrees)?;
             set("translation_sigma_m", *shift)?;
             set("max_rotation_sigma_deg", *most_degrees)?;
             set("max_translation_sigma_m", *most_shift)?;
+            if degrees.is_finite() && shift.is_finite() {
+                values.set_item("rotation_axis", tuple(axis))?;
+                values.set_item("translation_axis", tuple(along))?;
+            }
+            set_causes(&values, causes)?;
         }
         Warning::InitialContradicted { degrees, shift, sigmas } => {
             set("rotation_deg", *degrees)?;
@@ -57,4 +57,30 @@ fn values_of<'py>(py: Python<'py>, warning: &Warning) -> PyResult<Bound<'py, PyD
         _ => {}
     }
     Ok(values)
+}
+
+/// How many other poses fit, and the least rotation and shift to any of them.
+fn set_others(values: &Bound<'_, PyDict>, others: &[RelativePose]) -> PyResult<()> {
+    let least = |numbers: &mut dyn Iterator<Item = f64>| numbers.fold(f64::INFINITY, f64::min);
+    values.set_item("others", others.len())?;
+    values.set_item("rotation_deg", least(&mut others.iter().map(|other| other.degrees)))?;
+    values.set_item("shift_m", least(&mut others.iter().map(|other| other.shift)))
+}
+
+/// What makes a geometry weak, each cause by the name of its number.
+fn set_causes(values: &Bound<'_, PyDict>, causes: &[Cause]) -> PyResult<()> {
+    for cause in causes {
+        match cause {
+            Cause::Frontal { degrees } => values.set_item("frontal_deg", degrees)?,
+            Cause::Tiny { pixels } => values.set_item("largest_px", pixels)?,
+            Cause::Lines { count, .. } => values.set_item("line_regions", count)?,
+            Cause::Coplanar => values.set_item("is_coplanar", true)?,
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+fn tuple(direction: &Vector3<f64>) -> (f64, f64, f64) {
+    (direction.x, direction.y, direction.z)
 }

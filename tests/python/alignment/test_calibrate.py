@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 import regionpose as rp
+from diagnostics import edges_of
 from made_up_worlds import CAMERA, World, made_world, pose_of
 from numpy.typing import NDArray
 from regionpose import _core
@@ -38,7 +39,7 @@ class Found(NamedTuple):
     """A world, what was found of it, and what was told of the progress meanwhile."""
 
     world: World
-    calibration: rp.Calibration
+    calibration: rp.PoseEstimate
     shares: list[float]
 
 
@@ -71,54 +72,56 @@ def errors(pose: rp.Pose, truth: rp.Pose) -> tuple[float, float]:
     return float(turn), float(np.linalg.norm(pose.camera_center - truth.camera_center))
 
 
-def off_by(calibration: rp.Calibration, truth: rp.Pose) -> float:
+def off_by(calibration: rp.PoseEstimate, truth: rp.Pose) -> float:
     """The error along the worst axis, in standard deviations."""
     error = calibration.pose.local_coordinates(truth)
-    return float(np.max(np.abs(error) / np.sqrt(np.diag(calibration.estimate.covariance))))
+    return float(np.max(np.abs(error) / np.sqrt(np.diag(calibration.covariance))))
 
 
-def assert_right(calibration: rp.Calibration, truth: rp.Pose) -> None:
+def assert_right(calibration: rp.PoseEstimate, truth: rp.Pose) -> None:
     turn, shift = errors(calibration.pose, truth)
     assert turn < MOST_DEG and shift < MOST_M, (turn, shift)
     assert off_by(calibration, truth) < SIGMAS
 
 
-def codes(calibration: rp.Calibration) -> set[str]:
-    return {warning.code for warning in calibration.estimate.warnings}
+def codes(calibration: rp.PoseEstimate) -> set[str]:
+    return {warning.code for warning in calibration.warnings}
 
 
-def same(calibration: rp.Calibration, other: rp.Calibration) -> bool:
+def same(calibration: rp.PoseEstimate, other: rp.PoseEstimate) -> bool:
     """Whether two are the same to the last bit."""
-    return pickle.dumps(calibration.estimate.covariance.tolist()) == pickle.dumps(
-        other.estimate.covariance.tolist()
-    ) and [(mode.pose.matrix.tolist(), mode.log_mass, mode.edges) for mode in calibration.modes] == [
-        (mode.pose.matrix.tolist(), mode.log_mass, mode.edges) for mode in other.modes
-    ]
+    return pickle.dumps(calibration.covariance.tolist()) == pickle.dumps(other.covariance.tolist()) and [
+        (mode.pose.matrix.tolist(), mode.log_mass, mode.edges) for mode in edges_of(calibration).modes
+    ] == [(mode.pose.matrix.tolist(), mode.log_mass, mode.edges) for mode in edges_of(other).modes]
 
 
 def test_the_pose_is_found_without_a_heading(found: Found) -> None:
-    calibration, estimate = found.calibration, found.calibration.estimate
+    calibration, estimate = found.calibration, found.calibration
     assert_right(calibration, found.world.pose)
-    assert calibration.log_odds > 2.0 and calibration.lead > 2.0 and calibration.edges > 500
-    assert calibration.assumed == () and calibration.prior == KNOWN
+    assert (
+        edges_of(calibration).log_odds > 2.0
+        and edges_of(calibration).log_odds_over_next > 2.0
+        and edges_of(calibration).count > 500
+    )
+    assert edges_of(calibration).assumed == () and edges_of(calibration).prior == KNOWN
     assert calibration.pose is estimate.pose and estimate.confidence > 0.98
-    assert estimate.region_overlap_errors.shape == (0,) and np.isnan(estimate.overlap_error)
-    assert 2.0 < estimate.distance_m < 15.0
-    assert estimate.pixel_angle_rad == pytest.approx(1.0 / 260.0, rel=0.01)
+    assert estimate.diagnostics.region_overlap_errors.shape == (0,) and np.isnan(estimate.diagnostics.overlap_error)
+    assert 2.0 < estimate.diagnostics.distance_m < 15.0
+    assert estimate.diagnostics.pixel_angle_rad == pytest.approx(1.0 / 260.0, rel=0.01)
     assert codes(calibration) <= {"weak-geometry"}
 
 
 def test_alternatives_are_elsewhere_and_share_what_the_pose_leaves(found: Found) -> None:
-    estimate = found.calibration.estimate
-    assert estimate.alternatives
-    shares = [other.mode_probability for other in estimate.alternatives]
-    assert shares == sorted(shares, reverse=True) and estimate.mode_probability + sum(shares) <= 1.0 + 1e-12
-    for other in estimate.alternatives:
+    estimate = found.calibration
+    assert estimate.diagnostics.alternatives
+    shares = [other.mode_probability for other in estimate.diagnostics.alternatives]
+    assert shares == sorted(shares, reverse=True) and estimate.diagnostics.mode_probability + sum(shares) <= 1.0 + 1e-12
+    for other in estimate.diagnostics.alternatives:
         turn, shift = errors(other.pose, estimate.pose)
         assert turn > 5.0 or shift > 1.0
-    masses = [mode.log_mass for mode in found.calibration.modes]
+    masses = [mode.log_mass for mode in edges_of(found.calibration).modes]
     assert masses == sorted(masses, reverse=True)
-    assert all(np.linalg.eigvalsh(mode.covariance).min() > 0.0 for mode in found.calibration.modes)
+    assert all(np.linalg.eigvalsh(mode.covariance).min() > 0.0 for mode in edges_of(found.calibration).modes)
 
 
 def test_progress_rises_from_0_to_1(found: Found) -> None:
@@ -147,8 +150,8 @@ def test_frames_of_a_rig_add_up(few: None, worlds: list[World]) -> None:
     alone = [rp.calibrate([frame], prior=known, solver=EXACT) for frame in frames]
     both = rp.calibrate(frames, prior=known, solver=EXACT)
     assert_right(both, worlds[0].pose)
-    assert both.edges > max(one.edges for one in alone)
-    assert np.linalg.det(both.estimate.covariance) < min(np.linalg.det(one.estimate.covariance) for one in alone)
+    assert edges_of(both).count > max(edges_of(one).count for one in alone)
+    assert np.linalg.det(both.covariance) < min(np.linalg.det(one.covariance) for one in alone)
 
 
 def test_errors_of_whole_exposures_shrink_by_the_number_of_frames(few: None, worlds: list[World]) -> None:
@@ -156,7 +159,7 @@ def test_errors_of_whole_exposures_shrink_by_the_number_of_frames(few: None, wor
     frames = [world.frame() for world in worlds]
     solvers = [EXACT, replace(EXACT, frame_sigma_deg=1.0, frame_sigma_m=0.2)]
     for count in (1, 2):
-        exact, rough = (rp.calibrate(frames[:count], prior=known, solver=solver).estimate for solver in solvers)
+        exact, rough = (rp.calibrate(frames[:count], prior=known, solver=solver) for solver in solvers)
         added = np.diag(rough.covariance - exact.covariance)
         assert added == pytest.approx(np.repeat([np.radians(1.0) ** 2, 0.2**2], 3) / count)
 
@@ -165,13 +168,13 @@ def test_a_mount_is_enough_to_know(few: None, worlds: list[World]) -> None:
     rough = rp.Pose.from_parts(pose_of(55.0).rotation.as_matrix(), np.zeros(3))
     calibration = rp.calibrate([worlds[0].frame()], prior=about_mount(rough))
     assert_right(calibration, worlds[0].pose)
-    assert calibration.assumed == ()
-    assert all(errors(mode.pose, rough)[0] < 100.0 for mode in calibration.modes)
+    assert edges_of(calibration).assumed == ()
+    assert all(errors(mode.pose, rough)[0] < 100.0 for mode in edges_of(calibration).modes)
 
 
 def test_what_is_known_closely_makes_the_pose_surer(few: None, worlds: list[World]) -> None:
     loose, close = (
-        rp.calibrate([worlds[0].frame()], prior=about_mount(worlds[0].pose, *sigmas), solver=EXACT).estimate.covariance
+        rp.calibrate([worlds[0].frame()], prior=about_mount(worlds[0].pose, *sigmas), solver=EXACT).covariance
         for sigmas in ((10.0, 0.5), (0.05, 0.003))
     )
     assert np.linalg.det(close) < 1e-3 * np.linalg.det(loose)
@@ -187,24 +190,24 @@ def test_a_rough_pose_is_a_start_without_deviations(few: None, worlds: list[Worl
 def test_what_is_not_said_of_the_place_is_assumed(few: None, worlds: list[World]) -> None:
     frame = worlds[0].frame()
     calibration = rp.calibrate([frame], prior=rp.Prior(up=[0, 0, 1], up_sigma_deg=3.0))
-    assert calibration.assumed == ("camera_near", "camera_near_sigma_m")
-    assert calibration.prior.camera_near == (0.0, 0.0, 0.0)
-    assert calibration.prior.camera_near_sigma_m == MOUNT_SIGMA_M
+    assert edges_of(calibration).assumed == ("camera_near", "camera_near_sigma_m")
+    assert edges_of(calibration).prior.camera_near == (0.0, 0.0, 0.0)
+    assert edges_of(calibration).prior.camera_near_sigma_m == MOUNT_SIGMA_M
     near = rp.calibrate([frame], prior=rp.Prior(camera_near=[0.1, 0.0, 0.0]))
-    assert near.assumed == ("camera_near_sigma_m",) and near.prior.camera_near == (0.1, 0.0, 0.0)
-    assert rp.calibrate([frame]).assumed == ("camera_near", "camera_near_sigma_m")
+    assert edges_of(near).assumed == ("camera_near_sigma_m",) and edges_of(near).prior.camera_near == (0.1, 0.0, 0.0)
+    assert edges_of(rp.calibrate([frame])).assumed == ("camera_near", "camera_near_sigma_m")
 
 
 def test_a_photo_of_another_world_is_not_trusted(worlds: list[World]) -> None:
     mixed = worlds[0]._replace(photo=made_world(30, 200.0, 0.7).photo)
     calibration = rp.calibrate([mixed.frame()], prior=KNOWN)
-    assert calibration.estimate.confidence < 0.8 and codes(calibration) & {"low-confidence", "ambiguous"}
+    assert calibration.confidence < 0.8 and codes(calibration) & {"low-confidence", "ambiguous-pose"}
 
 
 def test_a_photo_of_one_shade_is_not_trusted(few: None, worlds: list[World]) -> None:
     world = worlds[0]._replace(photo=np.full_like(worlds[0].photo, 128))
     calibration = rp.calibrate([world.frame()], prior=KNOWN)
-    assert calibration.estimate.confidence < 0.5 and codes(calibration) & {"low-confidence", "ambiguous"}
+    assert calibration.confidence < 0.5 and codes(calibration) & {"low-confidence", "ambiguous-pose"}
 
 
 def test_nobody_waits_for_unwanted_work(few: None, worlds: list[World]) -> None:
@@ -251,21 +254,24 @@ def test_clouds_of_a_map_s_grid_give_the_same_pose(few: None, worlds: list[World
     far = world._replace(points=world.points + FAR)
     here = rp.calibrate([world.frame()], prior=KNOWN)
     there = rp.calibrate([far.frame()], prior=KNOWN.rebase(-FAR), sensor_origin=FAR)
-    pairs = [(here.pose, there.pose), *zip((m.pose for m in here.modes), (m.pose for m in there.modes), strict=True)]
-    others = zip(here.estimate.alternatives, there.estimate.alternatives, strict=True)
+    pairs = [
+        (here.pose, there.pose),
+        *zip((m.pose for m in edges_of(here).modes), (m.pose for m in edges_of(there).modes), strict=True),
+    ]
+    others = zip(here.diagnostics.alternatives, there.diagnostics.alternatives, strict=True)
     pairs += [(one.pose, other.pose) for one, other in others]
     for one, other in pairs:
         assert one.matrix == pytest.approx(other.rebase(FAR).matrix, abs=1e-6)
         assert one.camera_center == pytest.approx(other.camera_center - FAR, abs=1e-6)
-    assert there.estimate.covariance == pytest.approx(here.estimate.covariance, rel=1e-6)
-    assert there.log_odds == pytest.approx(here.log_odds, abs=1e-9)
-    assert there.prior == KNOWN.rebase(-FAR)
+    assert there.covariance == pytest.approx(here.covariance, rel=1e-6)
+    assert edges_of(there).log_odds == pytest.approx(edges_of(here).log_odds, abs=1e-9)
+    assert edges_of(there).prior == KNOWN.rebase(-FAR)
 
 
 def test_the_scanner_s_place_is_where_the_camera_is_assumed(few: None, worlds: list[World]) -> None:
     far = worlds[0]._replace(points=worlds[0].points + FAR)
     calibration = rp.calibrate([far.frame()], prior=rp.Prior(up=[0.0, 0.0, 1.0]), sensor_origin=FAR)
-    assert calibration.prior.camera_near == tuple(FAR)
+    assert edges_of(calibration).prior.camera_near == tuple(FAR)
     assert np.linalg.norm(calibration.pose.camera_center - FAR) < 3.0
 
 
@@ -302,7 +308,7 @@ def test_tiny_photos_are_not_trusted(few: None, worlds: list[World]) -> None:
         calibration = rp.calibrate([rp.SceneFrame(photo, worlds[0].points, camera)], prior=KNOWN)
     except rp.PoseError:
         return
-    assert calibration.estimate.confidence < 0.98 and codes(calibration)
+    assert calibration.confidence < 0.98 and codes(calibration)
 
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
@@ -341,21 +347,21 @@ def test_clouds_are_looked_at_from_where_the_prior_has_the_camera(few: None, wor
     mounted = about_mount(worlds[0].pose.rebase(-FAR), 3.0, 0.1)
     for prior in (near, mounted):
         calibration = rp.calibrate([far.frame()], prior=prior)
-        assert calibration.prior == prior and calibration.edges > 500
+        assert edges_of(calibration).prior == prior and edges_of(calibration).count > 500
     assert_right(calibration, worlds[0].pose.rebase(-FAR))
 
 
 def test_an_initial_pose_alone_says_where_the_camera_is(few: None, worlds: list[World]) -> None:
     known = about_mount(worlds[0].pose, 2.0, 0.1)
     calibration = rp.calibrate([worlds[0].frame()], prior=known, sensor_origin=np.zeros(3))
-    assert calibration.prior.camera_near is None and calibration.assumed == ()
+    assert edges_of(calibration).prior.camera_near is None and edges_of(calibration).assumed == ()
     assert_right(calibration, worlds[0].pose)
 
 
 def test_results_can_t_be_changed_and_can_be_copied(found: Found) -> None:
     calibration = found.calibration
     with pytest.raises(FrozenInstanceError):
-        calibration.edges = 0  # type: ignore[misc]
+        edges_of(calibration).count = 0  # type: ignore[misc]
     ways: list[Callable[[Any], Any]] = [copy.copy, copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))]
     for other in (calibration, *(way(calibration) for way in ways)):
         assert same(other, calibration) and other.prior == KNOWN and other.assumed == ()
@@ -367,6 +373,6 @@ def test_results_can_t_be_changed_and_can_be_copied(found: Found) -> None:
 
 def test_modes_keep_their_own_arrays() -> None:
     covariance = np.eye(6)
-    mode = rp.alignment.EdgeMode(rp.Pose.from_matrix(np.eye(4)), covariance, 1.0, 2.0, 3)
+    mode = rp.solve.EdgeMode(rp.Pose.from_matrix(np.eye(4)), covariance, 1.0, 2.0, 3)
     covariance[0, 0] = 9.0
     assert mode.covariance[0, 0] == 1.0 and not mode.covariance.flags.writeable

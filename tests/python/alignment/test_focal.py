@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import regionpose as rp
 from card_scenes import CAMERA, PLACES, POSE, SHAPE, cards
+from diagnostics import edges_of, focal_of
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -23,7 +24,7 @@ def images(seed: int, noise_px: float = 0.5) -> list[rp.ImageRegion]:
     return [rp.ImageRegion.from_polygon(ring + rng.normal(0.0, noise_px, ring.shape)) for ring in rings]
 
 
-def judged(camera: rp.cameras.Camera, seed: int, photo: int | None = None, frames: int = 1) -> rp.Calibration:
+def judged(camera: rp.cameras.Camera, seed: int, photo: int | None = None, frames: int = 1) -> rp.PoseEstimate:
     """The pose with a camera, by regions and edges."""
     held = []
     for number in range(seed, seed + frames):
@@ -34,26 +35,21 @@ def judged(camera: rp.cameras.Camera, seed: int, photo: int | None = None, frame
     return rp.calibrate(held)
 
 
-def focal_of(found: rp.Calibration) -> rp.alignment.FocalEvidence:
-    assert found.focal is not None
-    return found.focal
-
-
 @pytest.mark.parametrize(("seed", "factor"), [(0, 0.85), (1, 0.85), (1, 0.9), (0, 1.15), (1, 1.2)])
 def test_wrong_focal_lengths_are_named_with_the_right_ones(factor: float, seed: int) -> None:
     found = judged(CAMERA.zoomed(factor), seed)
     focal = focal_of(found)
     assert focal.log_odds < -np.log(9.0) and focal.factor * factor == pytest.approx(1.0, abs=0.03)
-    warning = {warning.code: warning for warning in found.estimate.warnings}["focal-contradicted"]
+    warning = {warning.code: warning for warning in found.warnings}[rp.WarningCode.FOCAL_LENGTH_CONFLICT]
     assert warning.values["factor"] == focal.factor
-    assert found.estimate.confidence < 0.2
+    assert found.confidence < 0.2
 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_right_focal_lengths_are_left_alone(seed: int) -> None:
     found = judged(CAMERA, seed)
     assert focal_of(found).log_odds > np.log(9.0) and focal_of(found).factor == 1.0
-    assert "focal-contradicted" not in {warning.code for warning in found.estimate.warnings}
+    assert "focal-length-conflict" not in {warning.code for warning in found.warnings}
     # As good as a calibration is, too.
     assert focal_of(judged(CAMERA.zoomed(1.005), seed)).log_odds > 0.0
 
@@ -76,7 +72,7 @@ def test_a_camera_without_focal_lengths_has_no_such_evidence() -> None:
     photo, points = np.zeros((500, 1000), dtype=np.uint8), cards(0)[1]
     rings = [camera.project(SHAPE + place) for place in PLACES]
     regions = [rp.ImageRegion.from_polygon(ring) for ring in rings]
-    assert rp.calibrate([rp.SceneFrame(photo, points, camera, regions, None, worlds())]).focal is None
+    assert edges_of(rp.calibrate([rp.SceneFrame(photo, points, camera, regions, None, worlds())])).focal is None
 
 
 def test_frames_of_one_pose_count_together() -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from regionpose.alignment.hypotheses import Hypothesis, confidences_of, places_of, priors_of
 from regionpose.alignment.odds import SHARED_ERROR_PRIOR
-from regionpose.alignment.pose_search import EdgeMode
+from regionpose.solve.edge_diagnostics import EdgeMode
 from regionpose.solve.estimate import Alternative
 
 Array = NDArray[np.float64]
@@ -30,7 +30,8 @@ def estimate_of(shares: list[float]) -> rp.PoseEstimate:
         Alternative(turned(30.0 * number), TIGHT, share, share, 0.01, np.zeros(2))
         for number, share in enumerate(shares[1:], start=1)
     ]
-    return replace(whole, mode_probability=shares[0], covariance=TIGHT, alternatives=tuple(others))
+    diagnostics = replace(whole.diagnostics, mode_probability=shares[0], alternatives=tuple(others))
+    return replace(whole, covariance=TIGHT, diagnostics=diagnostics)
 
 
 WHOLE = estimate_of([1.0])
@@ -41,7 +42,8 @@ def with_shares(shares: list[float]) -> rp.PoseEstimate:
         Alternative(turned(30.0 * number), TIGHT, share, share, 0.01, np.zeros(2))
         for number, share in enumerate(shares[1:], start=1)
     ]
-    return replace(WHOLE, mode_probability=shares[0], alternatives=tuple(others))
+    diagnostics = replace(WHOLE.diagnostics, mode_probability=shares[0], alternatives=tuple(others))
+    return replace(WHOLE, diagnostics=diagnostics)
 
 
 @settings(max_examples=50, deadline=None)

@@ -21,12 +21,12 @@ WORLDS = [rp.WorldRegion.from_polygon(POSE.inverse().transform(SIGN))]
 SMALL = rp.ImageRegion.from_mask(np.pad(np.ones((60, 90), dtype=np.bool_), ((40, 140), (80, 150))))
 
 TAKE_PHOTOS: dict[str, Callable[[Photo, rp.cameras.Camera], object]] = {
-    "check_alignment": lambda photo, camera: rp.check_alignment(photo, POINTS, camera, POSE),
+    "check_alignment": lambda photo, camera: rp.check_alignment(camera, photo, POINTS, POSE),
     "SceneFrame": lambda photo, camera: rp.SceneFrame(photo, POINTS, camera),
-    "colorize": lambda photo, camera: rp.colorize(POINTS, photo, camera, POSE),
-    "blend_colors": lambda photo, camera: rp.fusion.blend_colors(POINTS, [(photo, camera, POSE)]),
-    "overlay_regions": lambda photo, camera: rp.overlay_regions(photo, camera, POSE, IMAGES, WORLDS),
-    "overlay_depth": lambda photo, camera: rp.overlay_depth(photo, camera, POSE, POINTS),
+    "colorize": lambda photo, camera: rp.colorize(camera, photo, POINTS, POSE),
+    "blend_colors": lambda photo, camera: rp.fusion.blend_colors([(camera, photo, POSE)], POINTS),
+    "overlay_regions": lambda photo, camera: rp.overlay_regions(camera, photo, IMAGES, WORLDS, POSE),
+    "overlay_depth": lambda photo, camera: rp.overlay_depth(camera, photo, POINTS, POSE),
 }
 
 TAKE_MASKS: dict[str, Callable[[rp.ImageRegion], object]] = {
@@ -34,9 +34,9 @@ TAKE_MASKS: dict[str, Callable[[rp.ImageRegion], object]] = {
     "estimate_rig": lambda region: rp.estimate_rig(CAMERA, [rp.Frame([region], WORLDS)]),
     "match_regions": lambda region: rp.match_regions(CAMERA, [region], WORLDS),
     "overlap_errors": lambda region: rp.solve.overlap_errors(CAMERA, [region], WORLDS, POSE),
-    "check_alignment": lambda region: rp.check_alignment(PHOTO, POINTS, CAMERA, POSE, regions=[region]),
+    "check_alignment": lambda region: rp.check_alignment(CAMERA, PHOTO, POINTS, POSE, regions=[region]),
     "SceneFrame": lambda region: rp.SceneFrame(PHOTO, POINTS, CAMERA, [region]),
-    "overlay_regions": lambda region: rp.overlay_regions(PHOTO, CAMERA, POSE, [region], WORLDS),
+    "overlay_regions": lambda region: rp.overlay_regions(CAMERA, PHOTO, [region], WORLDS, POSE),
 }
 
 
@@ -60,10 +60,10 @@ def test_a_photo_of_another_size_is_refused(
 
 
 def test_each_view_is_compared_with_its_own_camera() -> None:
-    small = (PHOTO[::2, ::2], CAMERA.resized(320, 240), POSE)
-    rp.fusion.blend_colors(POINTS, [(PHOTO, CAMERA, POSE), small])
+    small = (CAMERA.resized(320, 240), PHOTO[::2, ::2], POSE)
+    rp.fusion.blend_colors([(CAMERA, PHOTO, POSE), small], POINTS)
     with pytest.raises(ValueError, match="image of view 1: found 320 x 240"):
-        rp.fusion.blend_colors(POINTS, [(PHOTO, CAMERA, POSE), (small[0], CAMERA, POSE)])
+        rp.fusion.blend_colors([(CAMERA, PHOTO, POSE), (CAMERA, small[1], POSE)], POINTS)
 
 
 @pytest.mark.parametrize("take", TAKE_MASKS.values(), ids=TAKE_MASKS)
@@ -91,10 +91,10 @@ def test_a_long_narrow_photo_is_taken_like_any(shape: tuple[int, int]) -> None:
     camera = rp.PinholeCamera(500.0, 500.0, (width - 1) / 2, (height - 1) / 2, width=width, height=height)
     points = np.array([[0.0, 0.0, 4.0], [0.001, 0.001, 5.0]])
     photo = np.full(shape, 90, dtype=np.uint8)
-    assert rp.colorize(points, photo, camera, rp.Pose.from_quat([0, 0, 0, 1], [0, 0, 0]))[1].any()
-    drawn = rp.overlay_depth(photo, camera, rp.Pose.from_quat([0, 0, 0, 1], [0, 0, 0]), points)
+    assert rp.colorize(camera, photo, points, rp.Pose.from_quat([0, 0, 0, 1], [0, 0, 0]))[1].any()
+    drawn = rp.overlay_depth(camera, photo, points, rp.Pose.from_quat([0, 0, 0, 1], [0, 0, 0]))
     assert drawn.shape[0] == height and drawn.shape[1] > width
-    assert rp.check_alignment(photo, points, camera, POSE).log_odds == 0.0
+    assert rp.check_alignment(camera, photo, points, POSE).log_odds == 0.0
 
 
 def test_a_photo_in_whose_middle_the_camera_sees_no_ray_is_named() -> None:
@@ -104,4 +104,4 @@ def test_a_photo_in_whose_middle_the_camera_sees_no_ray_is_named() -> None:
     with pytest.raises(
         ValueError, match=r"camera: found no ray at the middle of 100 x 40960 pixels, .* needed the camera"
     ):
-        rp.check_alignment(photo, POINTS, lens, POSE)
+        rp.check_alignment(lens, photo, POINTS, POSE)

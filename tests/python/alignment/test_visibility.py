@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import regionpose as rp
 from card_scenes import CAMERA, POSE
+from diagnostics import edges_of, focal_of, regions_only_of
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose.io.clouds import Cloud, write_ply
@@ -17,7 +18,6 @@ from regionpose.io.yaml_text import to_yaml
 from regionpose.scene.bundle import bundle
 from regionpose.scene.result import scene_result
 from regionpose.scene.stages import Stages
-from regionpose.scene.verdict import DOUBTFUL, verdict
 
 Array = NDArray[np.float64]
 
@@ -52,12 +52,12 @@ class Board(NamedTuple):
 WHOLE = Board(WALL, -4.0, 4.0)
 
 
-def occlusion(*parts: Array, world: rp.WorldRegion | None = None, shown: Array = SIGN) -> rp.alignment.Occlusion:
+def occlusion(*parts: Array, world: rp.WorldRegion | None = None, shown: Array = SIGN) -> rp.solve.Occlusion:
     """What points in the camera's axes hide of a region of the world, where the photo shows `shown`."""
     points = POSE.inverse().transform(np.concatenate(parts))
     image = rp.ImageRegion.from_polygon(CAMERA.project(shown))
     world = world or rp.WorldRegion.from_polygon(POSE.inverse().transform(SIGN))
-    alignment = rp.check_alignment(BLANK, points, CAMERA, POSE, regions=[image], world_regions=[world])
+    alignment = rp.check_alignment(CAMERA, BLANK, points, POSE, regions=[image], world_regions=[world])
     (found,) = alignment.occlusions
     return found
 
@@ -130,7 +130,7 @@ def test_a_region_on_the_seam_of_a_panorama() -> None:
     here = rp.Pose.from_parts(np.eye(3), np.zeros(3))
     board = Board(3.0, -4.0, 0.0).points() * [1.0, 1.0, -1.0]
     photo = np.full((500, 1000), 128, dtype=np.uint8)
-    alignment = rp.check_alignment(photo, board, camera, here, regions=[image], world_regions=[world])
+    alignment = rp.check_alignment(camera, photo, board, here, regions=[image], world_regions=[world])
     (found,) = alignment.occlusions
     assert found.share == pytest.approx(0.5, abs=0.05)
 
@@ -139,7 +139,7 @@ def test_clouds_without_points_hide_nothing() -> None:
     for points in (np.zeros((0, 3)), np.full((9, 3), np.nan), np.array([POSE.camera_center])):
         world = [rp.WorldRegion.from_polygon(POSE.inverse().transform(SIGN))]
         shown = [rp.ImageRegion.from_polygon(CAMERA.project(SIGN))]
-        alignment = rp.check_alignment(BLANK, points, CAMERA, POSE, regions=shown, world_regions=world)
+        alignment = rp.check_alignment(CAMERA, BLANK, points, POSE, regions=shown, world_regions=world)
         assert alignment.occlusions[0].share == 0.0 and alignment.log_odds == 0.0
 
 
@@ -155,7 +155,7 @@ def test_hidden_regions_speak_nine_to_one_against_a_pose() -> None:
     world = [rp.WorldRegion.from_polygon(POSE.inverse().transform(SIGN))] * 2
     shown = [rp.ImageRegion.from_polygon(CAMERA.project(SIGN))] * 2
     board = POSE.inverse().transform(Board(3.0, -4.0, 4.0).points())
-    alignment = rp.check_alignment(BLANK, board, CAMERA, POSE, regions=shown, world_regions=world)
+    alignment = rp.check_alignment(CAMERA, BLANK, board, POSE, regions=shown, world_regions=world)
     assert alignment.edge_log_odds == 0.0 and alignment.log_odds == pytest.approx(-np.log(9.0))
     assert "hidden=2" in repr(alignment)
 
@@ -163,7 +163,7 @@ def test_hidden_regions_speak_nine_to_one_against_a_pose() -> None:
 def test_regions_come_in_pairs() -> None:
     world = [rp.WorldRegion.from_polygon(POSE.inverse().transform(SIGN))]
     with pytest.raises(ValueError, match="there are 1 world regions; needed 0, one for each image region"):
-        rp.check_alignment(BLANK, np.zeros((5, 3)), CAMERA, POSE, world_regions=world)
+        rp.check_alignment(CAMERA, BLANK, np.zeros((5, 3)), POSE, world_regions=world)
 
 
 SLOPED = np.array([[-0.9, -2.4, 5.0], [0.5, -2.4, 6.2], [0.5, -0.6, 6.2], [-0.9, -0.6, 5.0]])
@@ -190,15 +190,17 @@ def test_the_pose_that_hides_nothing_is_chosen_where_a_photo_has_no_edges() -> N
     images, (world,) = sides(SLOPED)
     worlds = [world.with_viewpoint(POSE.camera_center)]
     free = rp.estimate_pose(CAMERA, images, worlds)
-    answers = [free.pose, *(other.pose for other in free.alternatives)]
+    answers = [free.pose, *(other.pose for other in free.diagnostics.alternatives)]
     right = [bool((pose.rotation * POSE.rotation.inv()).magnitude() < 0.01) for pose in answers]
     assert sorted(right) == [False, True]
     found = rp.calibrate([rp.SceneFrame(BLANK, room(), CAMERA, images, None, worlds)])
-    estimate = found.estimate
-    assert found.log_odds == pytest.approx(0.0, abs=0.5) and found.rank_before == right.index(True)
+    estimate = found
+    assert (
+        edges_of(found).log_odds == pytest.approx(0.0, abs=0.5) and regions_only_of(found).rank == right.index(True) + 1
+    )
     assert (estimate.pose.rotation * POSE.rotation.inv()).magnitude() < 0.01
-    assert "hidden-region" not in [warning.code for warning in estimate.warnings]
-    assert estimate.confidence > 8.0 * estimate.alternatives[0].confidence
+    assert "occluded-region" not in [warning.code for warning in estimate.warnings]
+    assert estimate.confidence > 8.0 * estimate.diagnostics.alternatives[0].confidence
 
 
 LEFT = np.array(
@@ -216,17 +218,15 @@ def board() -> Array:
 def test_a_pose_that_hides_a_region_is_warned_of_by_name() -> None:
     images, worlds = sides(LEFT, RIGHT)
     found = rp.calibrate([rp.SceneFrame(BLANK, board(), CAMERA, images, None, worlds)])
-    estimate = found.estimate
-    (warning,) = [each for each in estimate.warnings if each.code == "hidden-region"]
-    assert warning.regions == (1,) and float(warning.values["percent"]) > 90.0
-    assert (
-        "3.0 m from the camera, before the region at 5.2 m" in warning.message
-        and warning.message_for(["door", "sign"]).count("(sign)") == 1
-    )
+    estimate = found
+    (warning,) = [each for each in estimate.warnings if each.code == "occluded-region"]
+    assert warning.regions == (1,) and warning.values["hidden_share"] == pytest.approx(0.95, abs=0.05)
+    assert warning.values["distance_m"] == pytest.approx(3.0, abs=0.05)
+    assert warning.values["region_distance_m"] == pytest.approx(5.2, abs=0.05)
+    assert warning.text_with(["door", "sign"]).count("(sign)") == 1
     alone = rp.estimate_pose(CAMERA, *sides(LEFT, RIGHT))
-    assert found.focal is not None
-    focal = 1.0 / (1.0 + np.exp(-found.focal.log_odds))
-    hidden = alone.mode_probability / (alone.mode_probability + 9.0 * (1.0 - alone.mode_probability))
+    focal, probability = 1.0 / (1.0 + np.exp(-focal_of(found).log_odds)), alone.diagnostics.mode_probability
+    hidden = probability / (probability + 9.0 * (1.0 - probability))
     assert estimate.confidence == pytest.approx(focal * hidden, abs=0.03)
 
 
@@ -241,10 +241,9 @@ def test_a_scene_file_with_a_hidden_region_is_doubtful(tmp_path: Path) -> None:
     scene = {"camera": camera, "image": "photo.png", "cloud": "cloud.ply", "sensor_origin": None, "regions": regions}
     (tmp_path / "scene.yaml").write_text(to_yaml(scene), encoding="utf-8")
     run = rp.estimate_scene(rp.load_scene(tmp_path / "scene.yaml"))
-    said = verdict(run)
-    assert said.level == DOUBTFUL
-    assert any("region 1 (sign)" in warning and "depth.png" in advice for warning, advice in said.remarks)
-    shares = [region["hidden_share"] for region in scene_result(run)["regions"]]
+    assert run.estimate.status == rp.PoseStatus.DOUBTFUL
+    assert (rp.WarningCode.OCCLUDED_REGION, (1,)) in [(each.code, each.regions) for each in run.estimate.warnings]
+    shares = [region["hidden_share"] for region in scene_result(run)["diagnostics"]["regions"]]
     assert shares[0] == 0.0 and shares[1] > 0.9
     assert "depth.png" in bundle(run, Stages()).writers
 
@@ -254,4 +253,4 @@ def test_regions_are_counted_over_all_frames() -> None:
     far = np.full((1, 3), 50.0)
     frames = [rp.SceneFrame(BLANK, points, CAMERA, images, None, worlds) for points in (far, board())]
     found = rp.calibrate(frames)
-    assert [warning.regions for warning in found.estimate.warnings if warning.code == "hidden-region"] == [(3,)]
+    assert [warning.regions for warning in found.warnings if warning.code == "occluded-region"] == [(3,)]

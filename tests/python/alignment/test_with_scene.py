@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 import regionpose as rp
 from card_scenes import CAMERA, PLACES, POSE, SHAPE, cards, painted
+from diagnostics import edges_of, regions_only_of
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose.io.clouds import Cloud, write_ply
 from regionpose.io.yaml_text import to_yaml
-from regionpose.scene.verdict import DOUBTFUL, TRUSTED, verdict
+from regionpose.scene.headline import headline
 from regionpose.solve.options import EXACT_EXPOSURE
 from scipy.spatial.transform import Rotation
 
@@ -42,7 +43,7 @@ def sides(shapes: list[Array], turn: Rotation = STRAIGHT) -> tuple[list[rp.Image
     return images, [rp.WorldRegion.from_polygon(ring) for ring in world]
 
 
-def judged(shapes: list[Array], turn: Rotation = STRAIGHT, **known: Any) -> rp.Calibration:
+def judged(shapes: list[Array], turn: Rotation = STRAIGHT, **known: Any) -> rp.PoseEstimate:
     """The pose of shapes and of the edges of cards."""
     photo, points = cards(3)
     images, worlds = sides(shapes, turn)
@@ -92,31 +93,35 @@ SHAPES = [SHAPE + place for place in PLACES]
 
 def test_a_right_pose_stays_trusted() -> None:
     found = judged(SHAPES)
-    estimate = found.estimate
+    estimate = found
     assert turned_deg(estimate.pose) < NEAR_DEG and estimate.warnings == () and estimate.confidence > 0.99
-    assert found.log_odds > 20.0 and found.rank_before == 0 and found.is_refined
-    assert found.regions is not None and found.turned_deg == pytest.approx(
-        turned_deg(found.regions.pose, estimate.pose)
+    assert edges_of(found).log_odds > 20.0 and regions_only_of(found).rank == 1 and regions_only_of(found).is_refined
+    assert regions_only_of(found).rotation_deg == pytest.approx(
+        turned_deg(regions_only_of(found).estimate.pose, estimate.pose)
     )
     assert np.linalg.det(estimate.covariance) < 0.1 * np.linalg.det(alone(SHAPES).covariance)
 
 
 def test_a_pose_that_fits_its_regions_but_not_the_scene_is_not_trusted() -> None:
     found = judged(SHAPES, TURN)
-    assert turned_deg(found.pose) > 20.0 and found.estimate.overlap_error < 1e-6
-    assert codes(found.estimate) == ["scene-disagrees"] and found.estimate.confidence < 0.9
-    assert found.regions is not None and found.regions.confidence == pytest.approx(alone(SHAPES).confidence, abs=0.01)
-    assert found.log_odds < 0.0 and not found.is_refined
+    assert turned_deg(found.pose) > 20.0 and found.diagnostics.overlap_error < 1e-6
+    assert codes(found) == ["edge-mismatch"] and found.confidence < 0.9
+    assert regions_only_of(found).estimate.confidence == pytest.approx(alone(SHAPES).confidence, abs=0.01)
+    assert edges_of(found).log_odds < 0.0 and not regions_only_of(found).is_refined
 
 
 def test_edges_choose_the_answer_of_a_rectangle() -> None:
     free = alone([DOOR])
-    assert len(free.alternatives) == 3 and "ambiguous" in codes(free)
-    order = [turned_deg(pose) < 1.0 for pose in (free.pose, *(other.pose for other in free.alternatives))]
+    assert len(free.diagnostics.alternatives) == 3 and "ambiguous-pose" in codes(free)
+    order = [turned_deg(pose) < 1.0 for pose in (free.pose, *(other.pose for other in free.diagnostics.alternatives))]
     found = judged([DOOR])
-    assert turned_deg(found.pose) < NEAR_DEG and found.rank_before == order.index(True) and found.lead > 20.0
-    assert found.estimate.confidence > 0.97 and codes(found.estimate) == []
-    others = found.estimate.alternatives
+    assert (
+        turned_deg(found.pose) < NEAR_DEG
+        and regions_only_of(found).rank == order.index(True) + 1
+        and edges_of(found).log_odds_over_next > 20.0
+    )
+    assert found.confidence > 0.97 and codes(found) == []
+    others = found.diagnostics.alternatives
     assert len(others) == 3 and max(other.confidence for other in others) < 0.01
     assert all(np.isfinite(other.overlap_error) for other in others)
 
@@ -124,7 +129,7 @@ def test_edges_choose_the_answer_of_a_rectangle() -> None:
 def test_what_is_known_and_chosen_reaches_the_estimate() -> None:
     up = POSE.rotation.inv().apply([0.0, -1.0, 0.0])
     found = judged([DOOR], prior=rp.Prior(up=up), solver=rp.Solver(driver="native", **EXACT_EXPOSURE))
-    assert found.regions is not None and len(found.regions.alternatives) == 1
+    assert len(regions_only_of(found).estimate.diagnostics.alternatives) == 1
     assert turned_deg(found.pose) < NEAR_DEG
 
 
@@ -133,25 +138,25 @@ def test_edges_find_the_pose_where_all_regions_are_wrong() -> None:
     near = POSE.camera_center + np.array([0.1, 0.0, -0.1])
     prior = rp.Prior(camera_near=near, camera_near_sigma_m=0.2, up=up, up_sigma_deg=3.0)
     found = judged(SHAPES, TURN, prior=prior)
-    assert turned_deg(found.pose) < 0.3 and found.rank_before is None and found.log_odds > 10.0
-    assert "regions-contradicted" in codes(found.estimate)
-    assert found.estimate.overlap_error > 0.5
+    assert turned_deg(found.pose) < 0.3 and regions_only_of(found).rank is None and edges_of(found).log_odds > 10.0
+    assert "region-edge-conflict" in codes(found)
+    assert found.diagnostics.overlap_error > 0.5
 
 
 @pytest.mark.parametrize(
     ("shapes", "turn", "level"),
-    [(SHAPES, STRAIGHT, TRUSTED), (SHAPES, TURN, DOUBTFUL), ([DOOR], STRAIGHT, TRUSTED)],
+    [(SHAPES, STRAIGHT, "trusted"), (SHAPES, TURN, "doubtful"), ([DOOR], STRAIGHT, "trusted")],
     ids=["right", "turned", "rectangle"],
 )
 def test_scene_files_judge_in_the_same_way(shapes: list[Array], turn: Rotation, level: str, tmp_path: Path) -> None:
     run = rp.estimate_scene(rp.load_scene(scene_file(tmp_path, shapes, turn)))
     found = judged(shapes, turn)
-    assert verdict(run).level == level
-    assert run.calibration is not None and run.calibration.log_odds == pytest.approx(found.log_odds, abs=2.0)
-    assert run.estimate.confidence == pytest.approx(found.estimate.confidence, abs=0.05)
-    assert codes(run.estimate) == codes(found.estimate)
+    assert run.estimate.status == found.status == level
+    assert edges_of(run.estimate).log_odds == pytest.approx(edges_of(found).log_odds, abs=2.0)
+    assert run.estimate.confidence == pytest.approx(found.confidence, abs=0.05)
+    assert codes(run.estimate) == codes(found)
     assert turned_deg(run.estimate.pose, found.pose) < 0.02
-    assert ("choose this pose of 4" in verdict(run).headline) == (shapes == [DOOR])
+    assert ("chosen among 4 poses" in headline(run)) == (shapes == [DOOR])
 
 
 def test_wrong_shapes_are_named() -> None:
@@ -168,10 +173,11 @@ def test_the_intensity_of_a_cloud_counts_in_a_call_and_in_a_scene_file(tmp_path:
     images, worlds = sides(SHAPES)
     solver = rp.Solver(**EXACT_EXPOSURE)
     without = rp.calibrate([rp.SceneFrame(photo, points, CAMERA, images, None, worlds)], solver=solver)
-    assert without.edges == 0 and without.log_odds == 0.0 and not without.is_refined
+    assert (
+        edges_of(without).count == 0 and edges_of(without).log_odds == 0.0 and not regions_only_of(without).is_refined
+    )
     called = rp.calibrate([rp.SceneFrame(photo, points, CAMERA, images, intensity, worlds)], solver=solver)
-    assert called.log_odds > 5.0
+    assert edges_of(called).log_odds > 5.0
     run = rp.estimate_scene(rp.load_scene(scene_file(tmp_path, SHAPES, intensity=intensity, wall=True)))
-    assert run.calibration is not None
-    assert run.calibration.edges == pytest.approx(called.edges, rel=0.02)
-    assert run.calibration.log_odds == pytest.approx(called.log_odds, rel=0.2)
+    assert edges_of(run.estimate).count == pytest.approx(edges_of(called).count, rel=0.02)
+    assert edges_of(run.estimate).log_odds == pytest.approx(edges_of(called).log_odds, rel=0.2)

@@ -6,7 +6,7 @@ import importlib
 from pathlib import Path
 
 import pytest
-from regionpose.scene.verdict import TRUSTED
+from regionpose.solve.status import PoseStatus
 
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
 NATURAL = DATA / "natural"
@@ -20,5 +20,5 @@ MOST_CLICKS = 20
 def test_clicks_on_a_street_lead_to_a_trusted_pose(frame: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[3] / "benchmarks"))
     row = importlib.import_module("picking").picked(NATURAL / frame, tmp_path)
-    assert row.level == TRUSTED and row.clicks <= MOST_CLICKS
+    assert row.level == PoseStatus.TRUSTED and row.clicks <= MOST_CLICKS
     assert row.rotation_deg < 1.0 and row.center_m < 0.5

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import regionpose as rp
 from commands import run
+from diagnostics import edges_of
 from made_up_worlds import World, made_world, pose_of
 from pick_sessions import holds
 from PIL import Image
@@ -31,7 +32,6 @@ from regionpose.progress import UnwantedError, check_wanted
 from regionpose.scene.document import SceneError
 from regionpose.scene.estimate import estimate_scene
 from regionpose.scene.loading import load_scene
-from regionpose.scene.verdict import verdict
 from regionpose.solve.estimate import Alternative
 
 COLMAP = "1 PINHOLE 480 320 260 260 240 160\n"
@@ -113,10 +113,10 @@ def test_the_page_opens_with_the_pose_by_edges(drive: Path, worlds: list[World])
         assert "rp-spin" in outcome_html(shared.outcome)
         assert reaches_state(shared), shared.outcome
         run = shared.outcome.run
-        assert run is not None and run.calibration is not None
+        assert run is not None and edges_of(run.estimate) is not None
         assert_right(run.estimate.pose, worlds[0].pose)
         html = outcome_html(shared.outcome)
-        assert f"rp-{verdict(run).level}" in html and f"{run.calibration.edges:,}" in html
+        assert f"rp-{run.estimate.status}" in html and f"{edges_of(run.estimate).count:,}" in html
         assert holds(lambda: shared.stage == "") and "photo" in shared.colorings
         shared.color_by("photo")
         assert shared.coloring == "photo"
@@ -130,7 +130,7 @@ def test_the_cloud_lies_over_the_photo_at_once_and_can_be_switched_off(drive: Pa
         assert run is not None and shared.depth_files[0].startswith("files/depth.jpg")
         shown = np.asarray(Image.open(io.BytesIO(shared.files["depth.jpg"].content)).convert("RGB"), dtype=np.float64)
         assert shown.shape == shared.session.image.shape, "pixels stay where they are"
-        pixels, depths = project_points(shared.cloud.local_points, run.camera, run.local_pose, shown.shape[:2])
+        pixels, depths = project_points(run.camera, shared.cloud.local_points, run.local_pose, shown.shape[:2])
         seen = np.flatnonzero(np.isfinite(depths) & (depths > 0.0))[::50]
         drawn = shown[tuple(np.round(pixels[seen][:, ::-1]).astype(int).T)]
         assert np.ptp(drawn, axis=1).mean() > 40.0, "the dots are colored, the photo below them is gray"
@@ -141,15 +141,19 @@ def test_the_cloud_lies_over_the_photo_at_once_and_can_be_switched_off(drive: Pa
 def test_the_runner_up_is_shown_where_the_pose_is_not_trusted(drive: Path) -> None:
     with opened(session_of(drive)) as shared:
         assert reaches_state(shared) and holds(lambda: shared.stage == "")
-        run, assessment = shared.outcome.run, shared.outcome.verdict
-        assert run is not None and assessment is not None
+        run = shared.outcome.run
+        assert run is not None
         other = run.estimate.pose.retract(np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0]))
         place = Alternative(other, run.estimate.covariance, 0.3, 0.3, np.nan, np.empty(0))
-        unsure = replace(run, estimate=replace(run.estimate, alternatives=(place,)))
-        shared._show(replace(shared.outcome, run=unsure, verdict=replace(assessment, level="doubtful")))
+        diagnostics = replace(run.estimate.diagnostics, alternatives=(place,))
+        doubt = rp.PoseWarning(
+            rp.WarningCode.AMBIGUOUS_POSE, values={"others": 1, "rotation_deg": 28.6, "shift_m": 0.0}
+        )
+        unsure = replace(run.estimate, warnings=(doubt,), diagnostics=diagnostics)
+        shared._show(replace(shared.outcome, run=replace(run, estimate=unsure)))
         assert [name.split("?")[0] for name in shared.depth_files] == ["files/depth.jpg", "files/runner_up.jpg"]
         assert shared.files["depth.jpg"].content != shared.files["runner_up.jpg"].content
-        shared._show(replace(shared.outcome, run=unsure, verdict=replace(assessment, level="trusted")))
+        shared._show(replace(shared.outcome, run=replace(run, estimate=replace(unsure, warnings=()))))
         assert len(shared.depth_files) == 1
 
 
@@ -158,8 +162,8 @@ def test_what_was_assumed_is_on_the_page(drive: Path) -> None:
     with opened(session_of(drive, prior=prior)) as shared:
         assert reaches_state(shared), shared.outcome
         run = shared.outcome.run
-        assert run is not None and run.calibration is not None
-        assert run.calibration.assumed == ("camera_near_sigma_m",)
+        assert run is not None and edges_of(run.estimate) is not None
+        assert edges_of(run.estimate).assumed == ("camera_near_sigma_m",)
         html = outcome_html(shared.outcome)
         assert "within 0.5 m" in html and "(assumed)" in html and "up to 3 deg" in html
         assert html.count("(assumed)") == 1
@@ -237,7 +241,7 @@ def test_a_pair_is_estimated_by_regions_and_without_it_the_edges_count_again(dri
         assert holds(
             lambda: shared.outcome.state in ("regions", "ready", "failed") and not shared.outcome.searches_edges
         )
-        assert shared.outcome.run is None or shared.outcome.run.calibration is None
+        assert shared.outcome.run is None or edges_of(shared.outcome.run.estimate) is None
         shared.edit(lambda session: session.remove(session.regions[0].key))
         assert shared.outcome.run is None and shared.outcome.searches_edges and shared.depth_files == []
         assert reaches_state(shared)
@@ -253,8 +257,8 @@ def test_a_changed_prior_is_searched_anew(drive: Path, searches: list[str]) -> N
         assert shared.outcome.state == "busy" and shared.outcome.run is first
         assert reaches_state(shared)
         run = shared.outcome.run
-        assert run is not first and run is not None and run.calibration is not None
-        assert run.calibration.prior.up_sigma_deg == 2.0 and searches == ["found", "found"]
+        assert run is not first and run is not None and edges_of(run.estimate) is not None
+        assert edges_of(run.estimate).prior.up_sigma_deg == 2.0 and searches == ["found", "found"]
 
 
 def test_a_place_of_the_scanner_is_searched_from(drive: Path, searches: list[str]) -> None:

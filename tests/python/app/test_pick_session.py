@@ -58,7 +58,7 @@ def check_measure(run: SceneEstimate, html: str) -> None:
     share = np.average([fit.share for fit in fits], weights=[fit.count for fit in fits])
     assert scene_fit(run).on_their_side == pytest.approx(share)
     assert [fit.on_their_side for fit in region_fits(run)] == [fit.share for fit in fits]
-    assert f"{100.0 * share:.1f} %" in html and f"{100.0 * run.estimate.overlap_error:.1f} %" not in html
+    assert f"{100.0 * share:.1f} %" in html and f"{100.0 * run.estimate.diagnostics.overlap_error:.1f} %" not in html
 
 
 def test_a_click_on_a_sign_takes_its_whole_wall_and_a_further_one_there_the_sign(session: Session) -> None:

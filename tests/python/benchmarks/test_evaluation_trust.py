@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from regionpose import PoseWarning, Solver, estimate_pose
+from regionpose import PoseWarning, Solver, WarningCode, estimate_pose
 from regionpose._core import moved_pose
 from small_study import PERSPECTIVE, QUICK, comparable
 
@@ -97,9 +97,9 @@ def test_a_wrong_region_is_named() -> None:
     estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions)
     assert outlier_named(problem, estimate) == "right"
     others = [place for place in range(4) if place not in problem.wrong]
-    named = PoseWarning("outlier-region", "{0} does not belong to this pose", (others[0],))
+    named = PoseWarning(WarningCode.OUTLIER_REGION, (others[0],))
     assert outlier_named(problem, replace(estimate, warnings=(*estimate.warnings, named))) == "wrong"
-    poor = PoseWarning("poor-overlap", "{0} projected with this pose misses", (others[0],))
+    poor = PoseWarning(WarningCode.POOR_OVERLAP, (others[0],))
     assert outlier_named(problem, replace(estimate, warnings=(poor,))) == "none"
 
 
@@ -154,8 +154,8 @@ def test_warnings_of_the_regions_are_kept_in_the_row() -> None:
 def test_verdicts_count_right_and_wrong_poses_by_their_warnings() -> None:
     rows = [
         made_row(rotation_deg=0.1, templates_right="hook", error_sigmas=0.5),
-        made_row(rotation_deg=0.1, templates_right="hook;star", warnings="ambiguous"),
-        made_row(rotation_deg=0.1, templates_right="square;star", warnings="ambiguous"),
+        made_row(rotation_deg=0.1, templates_right="hook;star", warnings="ambiguous-pose"),
+        made_row(rotation_deg=0.1, templates_right="square;star", warnings="ambiguous-pose"),
         made_row(
             rotation_deg=0.1, templates_right="hook", warnings="outlier-region", outlier_named="right", regions_wrong=1
         ),
@@ -163,12 +163,12 @@ def test_verdicts_count_right_and_wrong_poses_by_their_warnings() -> None:
         made_row(
             rotation_deg=0.1,
             templates_right="hook",
-            warnings="ambiguous;ambiguous-region;outlier-region",
+            warnings="ambiguous-pose;ambiguous-region;outlier-region",
             regions_wrong=1,
         ),
         made_row(rotation_deg=3.0, templates_right="hook", error_sigmas=2.9),
         made_row(rotation_deg=3.0, templates_right="hook", warnings="weak-geometry"),
-        made_row(rotation_deg=9.0, templates_right="hook", warnings="ambiguous;poor-overlap"),
+        made_row(rotation_deg=9.0, templates_right="hook", warnings="ambiguous-pose;poor-overlap"),
         made_row(rotation_deg=90.0, templates_right="hook", error_sigmas=3.1),
         made_row(error="PoseError: none", rotation_deg=float("nan")),
     ]
@@ -256,7 +256,10 @@ def test_confidences_rank_poses_as_they_say_if_they_are_right_as_often() -> None
 def test_answers_that_fit_alike_share_the_confidence(side: Literal["2d", "3d"]) -> None:
     problem = draw_problem(perspective_setup(), Condition(templates="symmetric", side=side, noise=0.05), 3)
     estimate = estimate_pose(problem.camera, problem.image_regions, problem.world_regions)
-    shares = [estimate.mode_probability, *(other.mode_probability for other in estimate.alternatives)]
+    shares = [
+        estimate.diagnostics.mode_probability,
+        *(other.mode_probability for other in estimate.diagnostics.alternatives),
+    ]
     assert len(shares) >= 2 and 0.8 < sum(shares) <= 1.0 and max(shares) < 0.8
 
 
@@ -268,7 +271,9 @@ def test_no_pose_of_little_confidence_goes_without_a_warning(model: NoiseModel) 
         estimate = estimate_pose(
             problem.camera, problem.image_regions, problem.world_regions, solver=Solver(driver="native")
         )
-        stated = estimate.mode_probability + sum(other.mode_probability for other in estimate.alternatives)
+        stated = estimate.diagnostics.mode_probability + sum(
+            other.mode_probability for other in estimate.diagnostics.alternatives
+        )
         assert stated > 0.97 or estimate.warnings, f"seed {seed}: {stated}"
         found.append(stated)
     assert max(found) > 0.97

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from diagnostics import rig_of
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from regionpose import (
@@ -140,17 +141,17 @@ def test_contours_across_the_seam_are_measured_in_pixels() -> None:
         for name, ring in (("seam", seam_ring()), ("side", side_ring()))
     ]
     rig = estimate_rig(CAMERA, frames)
-    assert max(fit.residual_px for fit in rig.frames) < 0.2
+    assert max(fit.residual_px for fit in rig_of(rig).frames) < 0.2
 
 
 def test_outlines_are_drawn_on_both_sides_of_the_seam() -> None:
-    lines = projected_lines(CAMERA, POSE, WorldRegion.from_polygon(seam_ring()))
+    lines = projected_lines(CAMERA, WorldRegion.from_polygon(seam_ring()), POSE)
     assert all(np.abs(np.diff(line[:, 0])).max() < 100.0 for line in lines)
     inside = [((line[:, 0] >= 0.0) & (line[:, 0] < 2000.0)) for line in lines]
     seen = np.concatenate([line[within] for line, within in zip(lines, inside, strict=True)])
     assert seen[:, 0].min() < 20.0 and seen[:, 0].max() > 1980.0
     picture = np.full((1000, 2000, 3), 128, dtype=np.uint8)
-    drawn = overlay_regions(picture, CAMERA, POSE, [], [WorldRegion.from_polygon(seam_ring())], ["face"])
+    drawn = overlay_regions(CAMERA, picture, [], [WorldRegion.from_polygon(seam_ring())], POSE, ["face"])
     assert (drawn[:, :20] != 128).any() and (drawn[:, -20:] != 128).any()
 
 

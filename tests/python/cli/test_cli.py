@@ -120,9 +120,9 @@ def test_a_doubtful_pose_is_written_and_ends_with_3(tmp_path: Path, capsys: pyte
     assert code == 3 and "doubtful:" in said and "warning: " in said
     code, said, _ = run(capsys, "estimate", scene, "--out", tmp_path / "b", "--strict", "--json", "--quiet")
     result = json.loads(said)
-    assert code == 3 and result["warnings"][0]["code"] == "ambiguous"
-    assert result["verdict"]["level"] == "doubtful" and result["verdict"]["reasons"][0]["advice"]
-    assert result["scene_agreement"] is None
+    assert code == 3 and result["warnings"][0]["code"] == "ambiguous-pose"
+    assert result["status"] == "doubtful" and result["warnings"][0]["advice"]
+    assert result["diagnostics"]["edges"] is None
     assert (tmp_path / "b" / "result.json").exists()
 
 
@@ -134,7 +134,7 @@ def test_strict_ends_with_1_when_there_are_warnings(tmp_path: Path, capsys: pyte
     code, said, _ = run(capsys, "estimate", scene, "--out", tmp_path / "a")
     assert code == 0 and "check: " in said and "warning: " in said
     code, said, _ = run(capsys, "estimate", scene, "--out", tmp_path / "b", "--strict", "--json", "--quiet")
-    assert code == 1 and json.loads(said)["verdict"]["level"] == "check"
+    assert code == 1 and json.loads(said)["status"] == "check"
 
 
 def test_no_pose_ends_with_3_and_writes_nothing(
@@ -176,10 +176,10 @@ def test_the_demo_finds_its_pose_and_writes_all_files(demo_out: Path) -> None:
     result = json.loads((demo_out / "result.json").read_text(encoding="utf-8"))
     assert result["truth_errors"]["rotation_deg"] < 0.3
     assert result["truth_errors"]["camera_center_m"] < 0.03
-    assert max(region["overlap_error"] for region in result["regions"]) < 0.08
+    assert max(region["overlap_error"] for region in result["diagnostics"]["regions"]) < 0.08
     names = {path.name for path in demo_out.iterdir()}
     assert names == {"cloud.ply", "depth.png", "edges.png", "overlay.png", "report.html", "result.json"}
-    assert result["scene_agreement"]["log_odds"] > 1.0 and result["verdict"]["level"] == "trusted"
+    assert result["diagnostics"]["edges"]["alignment"]["log_odds"] > 1.0 and result["status"] == "trusted"
     cloud = read_cloud(demo_out / "cloud.ply")
     assert cloud.colors is not None
     assert cloud.colors[cloud.fields["visible"] > 0].mean() > 40
@@ -204,7 +204,7 @@ def test_the_demo_runs_from_seeds(tmp_path: Path, capsys: pytest.CaptureFixture[
     result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
     assert result["truth_errors"]["rotation_deg"] < 0.2
     assert result["truth_errors"]["camera_center_m"] < 0.02
-    assert result["overlap_error"] < 0.06
+    assert result["diagnostics"]["overlap_error"] < 0.06
 
 
 def sensors(demo_out: Path) -> list[Path | str]:
@@ -244,7 +244,7 @@ def test_fuse_blends_several_images(demo_out: Path, tmp_path: Path, capsys: pyte
     assert code == 0 and json.loads(said)["images"] == 2
     assert err == ""
     points = read_cloud(files / "cloud.ply").points
-    colors, visible = blend_colors(points, [PosedImage(image, camera, pose), PosedImage(255 - image, camera, back)])
+    colors, visible = blend_colors([PosedImage(camera, image, pose), PosedImage(camera, 255 - image, back)], points)
     cloud = read_cloud(out)
     np.testing.assert_array_equal(cloud.fields["visible"] > 0, visible)
     assert cloud.colors is not None

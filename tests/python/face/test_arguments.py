@@ -32,7 +32,7 @@ GIVEN: dict[str, Any] = {
     "frames": [rp.Frame([IMAGE], [WORLD])],
     "image": PHOTO,
     "image_regions": [IMAGE],
-    "image_size": (640, 480),
+    "image_shape": (480, 640),
     "initial": POSE,
     "other": POSE,
     "path": "cloud.ply",
@@ -113,17 +113,17 @@ def test_all_that_users_give_is_looked_at() -> None:
 @pytest.mark.parametrize(
     ("view", "said"),
     [
-        (None, r"view 0 is a NoneType; needed a tuple \(image, camera, pose\)"),
-        ((PHOTO, CAMERA), "view 0 is a tuple; needed a tuple"),
-        ((PHOTO, None, POSE), "camera of view 0 is a NoneType; needed a Camera"),
-        ((PHOTO, CAMERA, np.eye(4)), "pose of view 0 is a ndarray; needed a Pose"),
+        (None, r"view 0 is a NoneType; needed a tuple \(camera, image, pose\)"),
+        ((CAMERA, PHOTO), "view 0 is a tuple; needed a tuple"),
+        ((None, PHOTO, POSE), "camera of view 0 is a NoneType; needed a Camera"),
+        ((CAMERA, PHOTO, np.eye(4)), "pose of view 0 is a ndarray; needed a Pose"),
     ],
 )
 def test_a_view_of_other_parts_is_named(view: Any, said: str) -> None:
     with pytest.raises(ValueError, match=said):
-        rp.fusion.blend_colors(POINTS, [view])
+        rp.fusion.blend_colors([view], POINTS)
     with pytest.raises(ValueError, match="views is a NoneType; needed a list"):
-        rp.fusion.blend_colors(POINTS, None)  # type: ignore[arg-type]
+        rp.fusion.blend_colors(None, POINTS)  # type: ignore[arg-type]
 
 
 @checked_arguments

@@ -469,4 +469,4 @@ def test_pairs_that_do_not_match_end_in_a_pose_or_a_pose_error(
         assert len(str(error)) > 10
         return
     assert np.isfinite(estimate.pose.matrix).all()
-    assert estimate.overlap_error < 0.05 or estimate.warnings
+    assert estimate.diagnostics.overlap_error < 0.05 or estimate.warnings

@@ -76,8 +76,10 @@ def public_objects() -> dict[str, list[Any]]:
             (rp.scene.ConfirmedRegion("plane 1", outlines[0], polygons[0], members, 3.0, 0.5),), 2, 3.0
         ),
         rp.read_cloud(demo_folder() / "cloud.ply"),
-        rp.fusion.PosedImage(np.zeros((4, 6), dtype=np.uint8), demo.camera, pose),
+        rp.fusion.PosedImage(demo.camera, np.zeros((4, 6), dtype=np.uint8), pose),
         rp.SceneFrame(demo.image, few, demo.camera),
+        rp.PoseStatus.CHECK,
+        rig.sigma,
         rp.Prior(camera_near=pose.camera_center, camera_near_sigma_m=0.5),
         rp.Solver(),
         rp.WorldRegion.from_points(demo.points[members]).with_viewpoint(np.zeros(3)),
@@ -89,7 +91,7 @@ def public_objects() -> dict[str, list[Any]]:
             demo.camera, pose, "refined", ("fx",), np.zeros(1), np.zeros(1), np.eye(7), (), (1.0, 0.5)
         ),
         *frames,
-        rp.PoseWarning("ambiguous", "{0} is off", (0,)),
+        rp.PoseWarning(rp.WarningCode.AMBIGUOUS_REGION, (0,)),
     ]
     with pytest.raises(rp.PoseError) as failed:
         raise rp.PoseError("no pose")

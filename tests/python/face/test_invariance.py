@@ -108,7 +108,7 @@ def codes(estimate: rp.PoseEstimate) -> list[str]:
 
 def answers(given: Given, estimate: rp.PoseEstimate) -> Iterator[rp.Pose]:
     """All poses, led back to the original problem; poses of a symmetric shape come in any order."""
-    for pose in (estimate.pose, *(other.pose for other in estimate.alternatives)):
+    for pose in (estimate.pose, *(other.pose for other in estimate.diagnostics.alternatives)):
         matrix = given.back(pose.matrix)
         yield rp.Pose.from_parts(matrix[:3, :3], matrix[:3, 3])
 

@@ -34,7 +34,7 @@ def noise(seed: int = 3, shape: tuple[int, ...] = (HEIGHT, WIDTH, 3)) -> NDArray
 def test_colors_are_scipys_bilinear_interpolation() -> None:
     image = noise()
     pixels = np.random.default_rng(4).uniform([-0.49, -0.49], [WIDTH - 0.51, HEIGHT - 0.51], (500, 2))
-    colors, visible = colorize(points_at(pixels), image, CAMERA, AT_ORIGIN)
+    colors, visible = colorize(CAMERA, image, points_at(pixels), AT_ORIGIN)
     assert visible.all()
     for channel in range(3):
         exact = map_coordinates(image[..., channel].astype(float), pixels.T[::-1], order=1, mode="nearest")
@@ -44,24 +44,24 @@ def test_colors_are_scipys_bilinear_interpolation() -> None:
 def test_a_pixels_center_has_the_pixels_color() -> None:
     image = noise()
     rows, columns = np.array([0, 7, HEIGHT - 1]), np.array([0, 100, WIDTH - 1])
-    colors, _ = colorize(points_at(np.column_stack([columns, rows]).astype(float)), image, CAMERA, AT_ORIGIN)
+    colors, _ = colorize(CAMERA, image, points_at(np.column_stack([columns, rows]).astype(float)), AT_ORIGIN)
     np.testing.assert_array_equal(colors, image[rows, columns])
 
 
 def test_an_image_ends_half_a_pixel_beyond_its_outermost_centers() -> None:
     edges = np.array([[-0.499, 9.0], [WIDTH - 0.501, 9.0], [9.0, -0.499], [9.0, HEIGHT - 0.501]])
     beyond = np.array([[-0.501, 99.0], [WIDTH - 0.499, 99.0], [99.0, -0.501], [99.0, HEIGHT - 0.499]])
-    colors, visible = colorize(points_at(np.concatenate([edges, beyond])), noise(), CAMERA, AT_ORIGIN)
+    colors, visible = colorize(CAMERA, noise(), points_at(np.concatenate([edges, beyond])), AT_ORIGIN)
     assert visible.tolist() == [True] * 4 + [False] * 4
     np.testing.assert_array_equal(colors[4:], 0)
     np.testing.assert_array_equal(
-        colors[0], colorize(points_at(np.array([[0.0, 9.0]])), noise(), CAMERA, AT_ORIGIN)[0][0]
+        colors[0], colorize(CAMERA, noise(), points_at(np.array([[0.0, 9.0]])), AT_ORIGIN)[0][0]
     )
 
 
 def test_points_behind_the_camera_in_it_and_not_finite_are_not_seen() -> None:
     points = np.array([[0.0, 0.0, -2.0], [0.0, 0.0, 0.0], [np.nan, 0.0, 2.0], [np.inf, 0.0, 2.0], [0.0, 0.0, 2.0]])
-    colors, visible = colorize(points, noise(), CAMERA, AT_ORIGIN)
+    colors, visible = colorize(CAMERA, noise(), points, AT_ORIGIN)
     assert visible.tolist() == [False, False, False, False, True]
     np.testing.assert_array_equal(colors[:4], 0)
 
@@ -105,9 +105,9 @@ def test_no_point_of_a_hidden_wall_is_colored_and_nearly_all_others_are(
     camera = rp.PinholeCamera(721.5, 721.5, 620.0, 187.0, width=1242, height=375)
     points, on_front, is_hidden = lidar_walls(rings, np.array(center), ground)
     pose = rp.Pose(Rotation.from_matrix(SENSOR_AXES), -SENSOR_AXES @ np.array(center))
-    pixels, _ = project_points(points, camera, pose, (375, 1242))
+    pixels, _ = project_points(camera, points, pose, (375, 1242))
     inside = np.isfinite(pixels).all(axis=1)
-    _, visible = colorize(points, np.full((375, 1242, 3), 200, np.uint8), camera, pose)
+    _, visible = colorize(camera, np.full((375, 1242, 3), 200, np.uint8), points, pose)
     assert (inside & is_hidden).sum() > 50
     assert not (visible & is_hidden).any()
     assert visible[inside & on_front].all()
@@ -122,8 +122,8 @@ def test_a_road_keeps_its_colors_up_to_the_horizon() -> None:
     road = np.column_stack([ranges * np.cos(azimuth), ranges * np.sin(azimuth), np.full(len(ranges), -1.7)])
     camera = rp.PinholeCamera(721.5, 721.5, 620.0, 187.0, width=1242, height=375)
     pose = rp.Pose(Rotation.from_matrix(SENSOR_AXES), SENSOR_AXES @ np.array([0.27, 0.0, -0.1]))
-    pixels, distances = project_points(road, camera, pose, (375, 1242))
-    seen = np.isfinite(project_points(road, camera, pose, (375, 1242), hidden=False)[1])
+    pixels, distances = project_points(camera, road, pose, (375, 1242))
+    seen = np.isfinite(project_points(camera, road, pose, (375, 1242), hidden=False)[1])
     inside = np.isfinite(pixels).all(axis=1)
     assert distances[inside].max() > 40.0
     assert seen[inside].all()
@@ -137,8 +137,8 @@ def test_the_next_scan_line_on_a_road_is_not_behind_the_one_before() -> None:
     road = np.column_stack([ranges * np.cos(azimuth), ranges * np.sin(azimuth), np.full(len(ranges), -1.8)])
     camera = rp.PinholeCamera(1266.0, 1266.0, 816.0, 491.0, width=1600, height=900)
     pose = rp.Pose(Rotation.from_matrix(SENSOR_AXES), np.array([0.0, -0.33, -0.43]))
-    _, distances = project_points(road, camera, pose, (900, 1600))
-    _, visible = colorize(road, np.zeros((900, 1600), np.uint8), camera, pose)
+    _, distances = project_points(camera, road, pose, (900, 1600))
+    _, visible = colorize(camera, np.zeros((900, 1600), np.uint8), road, pose)
     assert np.nanmax(distances) > 20.0
     assert visible[np.isfinite(distances)].all()
 
@@ -147,11 +147,11 @@ def test_colors_of_points_do_not_depend_on_their_order() -> None:
     points, _, _ = lidar_walls(32, np.array([0.0, 0.5, 0.0]), True)
     pose = rp.Pose(Rotation.from_matrix(SENSOR_AXES), -SENSOR_AXES @ np.array([0.0, 0.5, 0.0]))
     order = np.random.default_rng(0).permutation(len(points))
-    colors, visible = colorize(points, noise(), CAMERA, pose)
-    again, seen_again = colorize(points[order], noise(), CAMERA, pose)
+    colors, visible = colorize(CAMERA, noise(), points, pose)
+    again, seen_again = colorize(CAMERA, noise(), points[order], pose)
     np.testing.assert_array_equal(again, colors[order])
     np.testing.assert_array_equal(seen_again, visible[order])
-    np.testing.assert_array_equal(colorize(points, noise(), CAMERA, pose)[0], colors)
+    np.testing.assert_array_equal(colorize(CAMERA, noise(), points, pose)[0], colors)
 
 
 @settings(max_examples=40, deadline=None)
@@ -160,14 +160,14 @@ def test_two_images_blend_by_their_share_of_pixels(near: float, far: float, lean
     # Two cameras look along z from the point's front; its normal leans towards x, the rays are (0, 0, 1).
     views = [
         PosedImage(
-            np.full((HEIGHT, WIDTH), value, np.uint8), CAMERA, rp.Pose(Rotation.identity(), np.array([0.0, 0.0, at]))
+            CAMERA, np.full((HEIGHT, WIDTH), value, np.uint8), rp.Pose(Rotation.identity(), np.array([0.0, 0.0, at]))
         )
         for value, at in ((one, near), (two, far))
     ]
     normal = np.array([[lean, 0.0, -np.sqrt(1.0 - lean**2)]])
     exact = (one / near**2 + two / far**2) / (1.0 / near**2 + 1.0 / far**2)
     for normals in (None, 3.0 * normal, -normal, np.zeros((1, 3))):
-        colors, visible = blend_colors(np.zeros((1, 3)), views, normals=normals)
+        colors, visible = blend_colors(views, np.zeros((1, 3)), normals=normals)
         assert visible.all()
         np.testing.assert_allclose(colors, exact, atol=0.501)
 
@@ -177,19 +177,19 @@ def test_a_grazing_view_weighs_by_the_cosine() -> None:
     ahead = rp.Pose(Rotation.identity(), np.array([0.0, 0.0, 3.0]))
     right = rp.Pose(Rotation.from_euler("y", 90.0, degrees=True), np.array([0.0, 0.0, 3.0]))
     views = [
-        (np.full((HEIGHT, WIDTH), 200, np.uint8), CAMERA, ahead),
-        (np.zeros((HEIGHT, WIDTH), np.uint8), CAMERA, right),
+        (CAMERA, np.full((HEIGHT, WIDTH), 200, np.uint8), ahead),
+        (CAMERA, np.zeros((HEIGHT, WIDTH), np.uint8), right),
     ]
     normal = np.array([[0.5, 0.0, np.sqrt(0.75)]])
-    colors, _ = blend_colors(np.zeros((1, 3)), views, normals=normal)
+    colors, _ = blend_colors(views, np.zeros((1, 3)), normals=normal)
     np.testing.assert_allclose(colors, 200.0 * np.sqrt(0.75) / (np.sqrt(0.75) + 0.5), atol=0.51)
 
 
 def test_a_point_that_one_image_shows_has_its_color_alone() -> None:
     away = rp.Pose(Rotation.from_euler("y", 180.0, degrees=True), np.zeros(3))
     points, image = points_at(np.array([[50.0, 60.0]])), noise()
-    blended, visible = blend_colors(points, [(image, CAMERA, AT_ORIGIN), (noise(9), CAMERA, away)])
-    np.testing.assert_array_equal(blended, colorize(points, image, CAMERA, AT_ORIGIN)[0])
+    blended, visible = blend_colors([(CAMERA, image, AT_ORIGIN), (CAMERA, noise(9), away)], points)
+    np.testing.assert_array_equal(blended, colorize(CAMERA, image, points, AT_ORIGIN)[0])
     assert visible.all()
 
 
@@ -197,17 +197,17 @@ def test_a_cloud_keeps_its_own_colors_where_it_is_not_seen() -> None:
     points = np.concatenate([points_at(np.array([[50.0, 60.0]])), [[0.0, 0.0, -3.0]]])
     image = noise()
     before = Cloud(points, colors=np.full((2, 3), 77, dtype=np.uint8))
-    cloud, visible = colored_cloud(before, [(image, CAMERA, AT_ORIGIN)])
+    cloud, visible = colored_cloud([(CAMERA, image, AT_ORIGIN)], before)
     assert visible.tolist() == [True, False]
     assert cloud.colors is not None and cloud.colors.tolist() == [image[60, 50].tolist(), [77, 77, 77]]
     assert cloud.fields["visible"].tolist() == [1, 0]
-    assert colored_cloud(Cloud(points), [(image, CAMERA, AT_ORIGIN)])[0].colors[1].tolist() == [0, 0, 0]  # type: ignore[index]
+    assert colored_cloud([(CAMERA, image, AT_ORIGIN)], Cloud(points))[0].colors[1].tolist() == [0, 0, 0]  # type: ignore[index]
 
 
 def test_clouds_without_points_and_without_visible_points_work() -> None:
-    colors, visible = colorize(np.empty((0, 3)), noise(), CAMERA, AT_ORIGIN)
+    colors, visible = colorize(CAMERA, noise(), np.empty((0, 3)), AT_ORIGIN)
     assert colors.shape == (0, 3) and visible.shape == (0,)
-    assert not colorize(np.array([[0.0, 0.0, -1.0]]), noise(), CAMERA, AT_ORIGIN)[1].any()
+    assert not colorize(CAMERA, noise(), np.array([[0.0, 0.0, -1.0]]), AT_ORIGIN)[1].any()
 
 
 def test_images_of_other_types_have_the_same_colors() -> None:
@@ -243,6 +243,6 @@ def test_what_cannot_be_used_is_named(change: dict[str, Any], said: str) -> None
 
 def test_no_views_and_wrong_normals_are_named() -> None:
     with pytest.raises(ValueError, match="there are 0 views"):
-        blend_colors(np.zeros((1, 3)), [])
+        blend_colors([], np.zeros((1, 3)))
     with pytest.raises(ValueError, match=r"normals have shape \(2, 3\); needed \(1, 3\)"):
-        blend_colors(np.zeros((1, 3)), [PosedImage(noise(), CAMERA, AT_ORIGIN)], normals=np.zeros((2, 3)))
+        blend_colors([PosedImage(CAMERA, noise(), AT_ORIGIN)], np.zeros((1, 3)), normals=np.zeros((2, 3)))

@@ -170,7 +170,7 @@ def test_a_written_ply_is_read_by_plyfile(tmp_path: Path) -> None:
 
 def test_depth_along_the_axis_puts_a_wall_on_a_plane() -> None:
     camera = PinholeCamera(100.0, 110.0, 3.0, 2.0, width=8, height=6)
-    cloud = cloud_from_depth(np.full((6, 8), 2.5), camera)
+    cloud = cloud_from_depth(camera, np.full((6, 8), 2.5))
     np.testing.assert_allclose(cloud.points[:, 2], 2.5, rtol=1e-15)
     # The pixel (7, 5) is 4 right and 3 below the principal point.
     np.testing.assert_allclose(cloud.points[-1], [2.5 * 4 / 100, 2.5 * 3 / 110, 2.5], rtol=1e-14)
@@ -178,7 +178,7 @@ def test_depth_along_the_axis_puts_a_wall_on_a_plane() -> None:
 
 def test_range_of_a_fisheye_puts_a_bowl_on_a_sphere_and_projects_back() -> None:
     camera = FisheyeCamera(20.0, 20.0, 15.5, 15.5, width=32, height=32)
-    cloud = cloud_from_depth(np.full((32, 32), 3.0), camera, distance="range")
+    cloud = cloud_from_depth(camera, np.full((32, 32), 3.0), distance="range")
     np.testing.assert_allclose(np.linalg.norm(cloud.points, axis=1), 3.0, rtol=1e-14)
     rows, columns = np.divmod(np.arange(32 * 32), 32)
     np.testing.assert_allclose(camera.project(cloud.points), np.column_stack([columns, rows]), atol=1e-9)
@@ -187,7 +187,7 @@ def test_range_of_a_fisheye_puts_a_bowl_on_a_sphere_and_projects_back() -> None:
 def test_rays_beside_the_camera_have_no_depth_along_the_axis() -> None:
     camera = FisheyeCamera(5.0, 5.0, 15.5, 15.5)
     ahead = camera.bearings([[x, y] for y in range(32) for x in range(32)])[:, 2] > 0.0
-    cloud = cloud_from_depth(np.full((32, 32), 3.0), camera)
+    cloud = cloud_from_depth(camera, np.full((32, 32), 3.0))
     assert 0 < len(cloud) == np.count_nonzero(ahead) < 32 * 32
     assert cloud.dropped == 32 * 32 - len(cloud)
 
@@ -206,7 +206,7 @@ class CountingCamera(PinholeCamera):
 def test_only_pixels_with_a_depth_are_given_bearings() -> None:
     depth = np.zeros((2000, 32))
     depth[7, 3:6] = 2.0
-    cloud = cloud_from_depth(depth, CountingCamera(20.0, 20.0, 15.5, 15.5))
+    cloud = cloud_from_depth(CountingCamera(20.0, 20.0, 15.5, 15.5), depth)
     assert (CountingCamera.asked, len(cloud), cloud.dropped) == (3, 3, 2000 * 32 - 3)
 
 
@@ -215,7 +215,7 @@ def test_depth_png_with_holes_and_colors(tmp_path: Path) -> None:
     millimeters = np.array([[1000, 0, 2000], [65535, 1500, 1]], dtype=np.uint16)
     Image.fromarray(millimeters).save(tmp_path / "depth.png")
     shades = np.arange(18, dtype=np.uint8).reshape(2, 3, 3)
-    cloud = cloud_from_depth(tmp_path / "depth.png", camera, unit_m=1e-3, colors=shades)
+    cloud = cloud_from_depth(camera, tmp_path / "depth.png", unit_m=1e-3, colors=shades)
     np.testing.assert_allclose(cloud.points[:, 2], [1.0, 2.0, 65.535, 1.5, 0.001], rtol=1e-14)
     np.testing.assert_array_equal(cloud.colors, np.delete(shades.reshape(-1, 3), 1, axis=0))
     assert (cloud.dropped, cloud.source) == (1, tmp_path / "depth.png")

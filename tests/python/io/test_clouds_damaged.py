@@ -294,12 +294,12 @@ CAMERA = PinholeCamera(10.0, 10.0, 1.0, 1.0)
 )
 def test_depths_that_cannot_be_used(depth: Any, options: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        cloud_from_depth(depth, CAMERA, **options)
+        cloud_from_depth(CAMERA, depth, **options)
 
 
 def test_depth_of_another_size_than_the_camera() -> None:
     with pytest.raises(CloudError, match="2 x 2 pixels; needed the camera's 4 x 3"):
-        cloud_from_depth(np.ones((2, 2)), PinholeCamera(10.0, 10.0, 1.0, 1.0, width=4, height=3))
+        cloud_from_depth(PinholeCamera(10.0, 10.0, 1.0, 1.0, width=4, height=3), np.ones((2, 2)))
 
 
 def test_damaged_depth_images(tmp_path: Path) -> None:
@@ -309,17 +309,17 @@ def test_damaged_depth_images(tmp_path: Path) -> None:
     for content in (whole[:40], b"", GARBAGE, zlib.compress(whole)):
         path.write_bytes(content)
         with pytest.raises(CloudError, match=r"depth\.png: found no picture"):
-            cloud_from_depth(path, CAMERA, unit_m=1e-3)
+            cloud_from_depth(CAMERA, path, unit_m=1e-3)
     Image.fromarray(np.ones((3, 3, 3), dtype=np.uint8)).save(path)
     with pytest.raises(CloudError, match="mode RGB"):
-        cloud_from_depth(path, CAMERA, unit_m=1e-3)
+        cloud_from_depth(CAMERA, path, unit_m=1e-3)
 
 
 def test_missing_files(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         read_cloud(tmp_path / "none.ply")
     with pytest.raises(FileNotFoundError):
-        cloud_from_depth(tmp_path / "none.png", CAMERA, unit_m=1.0)
+        cloud_from_depth(CAMERA, tmp_path / "none.png", unit_m=1.0)
     with pytest.raises(CloudError, match="path: found a directory"):
         read_cloud(tmp_path)
 

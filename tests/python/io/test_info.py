@@ -44,7 +44,11 @@ KINDS: list[tuple[str, Any, dict[str, Any]]] = [
     ("points.npy", lambda path: np.save(path, POINTS), {"kind": "cloud", "points": 4}),
     ("calib.yaml", (SAMPLES / "ros_camera_info.yaml").read_text(), {"kind": "calibration"}),
     ("calib.cfg", (SAMPLES / "ros_camera_info.yaml").read_text(), {"kind": "calibration"}),
-    ("result.json", json.dumps({"format": "regionpose result 1", "regions": [{"name": "a"}]}), {"kind": "result"}),
+    (
+        "result.json",
+        json.dumps({"format": "regionpose result 2", "diagnostics": {"regions": [{"name": "a"}]}}),
+        {"kind": "result"},
+    ),
 ]
 
 

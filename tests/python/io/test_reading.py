@@ -96,7 +96,7 @@ HUGE = npy_header(f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({1 << 45
 
 def depth(path: Path) -> object:
     """A depth image's cloud."""
-    return cloud_from_depth(path, PinholeCamera(9.0, 9.0, 4.0, 4.0), unit_m=0.001)
+    return cloud_from_depth(PinholeCamera(9.0, 9.0, 4.0, 4.0), path, unit_m=0.001)
 
 
 KITTI = (SAMPLES / "kitti_object.txt").read_bytes()
@@ -145,7 +145,7 @@ CASES: list[Case] = [
     ("ae.json", LABELME.replace(b"8,", b"true,", 1), masks_from_file, ValueError, "imageHeight True"),
     ("af.json", LABELME.replace(b"8,", b"9" * 40 + b",", 1), masks_from_file, ValueError, "imageHeight 9999"),
     ("ag.json", LABELME.replace(b"[1, 1]", b"[1, " + b"9" * 400 + b"]"), masks_from_file, ValueError, "pairs"),
-    ("ah.json", b'{"format": "regionpose result 1", "regions": 3}', file_facts, ValueError, "regions: found something"),
+    ("ah.json", b'{"format": "regionpose result 2", "warnings": 3}', file_facts, ValueError, "warnings: found"),
     ("ai.png", png()[:20], read_picture, FileError, "found no picture"),
     ("aj.png", png()[:-40], masks_from_file, FileError, "found no picture"),
     ("ak.txt", KITTI.replace(b"7.1e+02 0", b"0 0"), load_lidar_pose, CalibrationError, "found one that is singular"),
@@ -297,7 +297,7 @@ def readers() -> dict[str, Callable[[Path], object]]:
             for ending in (".ply", ".pcd", ".las", ".e57", ".npy", ".npz", ".bin", ".xyz", ".stl")
         },
         "a.png": read_picture,
-        "depth.png": lambda path: cloud_from_depth(path, camera, unit_m=1e-3),
+        "depth.png": lambda path: cloud_from_depth(camera, path, unit_m=1e-3),
         "calib.yaml": load_camera,
         "scene.yaml": load_scene,
         "a.mcap": lambda path: read_cloud(f"{path}#/points"),

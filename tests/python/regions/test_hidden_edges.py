@@ -75,7 +75,7 @@ def mask_of(polygon: shapely.Polygon) -> NDArray[np.bool_]:
 
 def rotation_error(estimate: rp.PoseEstimate) -> float:
     """Rotation (rad) of the nearest answer."""
-    answers = [estimate.pose, *(other.pose for other in estimate.alternatives)]
+    answers = [estimate.pose, *(other.pose for other in estimate.diagnostics.alternatives)]
     return min(float((POSE.rotation * answer.rotation.inv()).magnitude()) for answer in answers)
 
 
@@ -93,7 +93,7 @@ def test_a_polygon_with_a_hidden_edge_gives_the_pose(name: str, turned: bool) ->
     np.testing.assert_allclose([vertex[0] for vertex in marked], OCCLUDERS[name])
     found = rp.estimate_pose(camera, [image], [WORLD])
     assert rotation_error(found) < EXACT_ROTATION * (10.0 if name == "fisheye" else 1.0)
-    assert found.overlap_error < 0.01
+    assert found.diagnostics.overlap_error < 0.01
     assert not {"poor-overlap", "outlier-region"} & {warning.code for warning in found.warnings}
 
 
@@ -147,9 +147,9 @@ def test_hidden_edges_are_no_pieces_of_the_contour() -> None:
     camera = CAMERAS["pinhole"]
     ring, hidden = left_by_occluder("pinhole")
     image = rp.ImageRegion.from_polygon(ring, hidden_edges=hidden)
-    pieces = contours_of(camera, POSE, [image], [WORLD]).pieces
+    pieces = contours_of(camera, [image], [WORLD], POSE).pieces
     assert np.abs(pieces[:, 0] - OCCLUDERS["pinhole"]).min() > 0.5
-    whole = contours_of(camera, POSE, [rp.ImageRegion.from_polygon(ring)], [WORLD]).pieces
+    whole = contours_of(camera, [rp.ImageRegion.from_polygon(ring)], [WORLD], POSE).pieces
     assert len(pieces) < len(whole) and np.abs(whole[:, 0] - OCCLUDERS["pinhole"]).min() < 0.01
 
 

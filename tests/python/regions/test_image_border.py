@@ -79,7 +79,7 @@ def cut_polygon(polygon: shapely.Polygon, margin: float) -> Array:
 
 def angle_to(estimate: rp.PoseEstimate, pose: rp.Pose) -> float:
     """Rotation (rad) of the nearest answer."""
-    found = [estimate.pose, *(other.pose for other in estimate.alternatives)]
+    found = [estimate.pose, *(other.pose for other in estimate.diagnostics.alternatives)]
     return min(float((pose.rotation * answer.rotation.inv()).magnitude()) for answer in found)
 
 
@@ -102,7 +102,7 @@ def test_a_mask_that_a_border_cuts_gives_the_pose(name: str, border: str, refine
     assert 0.3 < mask.sum() / polygon.area < 0.8, "the border cuts the region"
     found = estimate(camera, [rp.ImageRegion.from_mask(mask)], refine=refine)
     assert angle_to(found, pose) < MASK_ROTATION
-    assert found.overlap_error < POOR and "poor-overlap" not in {warning.code for warning in found.warnings}
+    assert found.diagnostics.overlap_error < POOR and "poor-overlap" not in {warning.code for warning in found.warnings}
 
 
 @pytest.mark.parametrize("margin", [0.0, 0.5, 1.0], ids=["centers", "border", "corners"])
@@ -135,7 +135,7 @@ def test_two_regions_of_which_one_is_cut(name: str, refine: Refine) -> None:
     assert masks[0][:, 0].any() and not masks[1][[0, -1]].any() and not masks[1][:, [0, -1]].any()
     found = estimate(camera, [rp.ImageRegion.from_mask(mask) for mask in masks], refine=refine, worlds=2)
     assert angle_to(found, pose) < MASK_ROTATION
-    assert found.region_overlap_errors.max() < POOR
+    assert found.diagnostics.region_overlap_errors.max() < POOR
 
 
 @pytest.mark.parametrize("integration", ["boundary", "mesh", "pixels"])
@@ -190,8 +190,8 @@ def test_pieces_of_a_rigs_contours_keep_off_the_border(name: str) -> None:
     camera = CAMERAS[name]
     pose = pose_at(camera, BORDERS["right"])
     image = rp.ImageRegion.from_mask(mask_of(seen_polygon(camera, pose, world_ring())))
-    contours = contours_of(camera, pose, [image], [rp.WorldRegion.from_polygon(world_ring())])
-    distances = distances_of(camera, pose, contours)
+    contours = contours_of(camera, [image], [rp.WorldRegion.from_polygon(world_ring())], pose)
+    distances = distances_of(camera, contours, pose)
     assert sum(contours.rings) == len(contours.pieces) and distances is not None
     assert np.abs(distances.values).max() < 1.5
     assert contours.pieces[:, 0].max() < WIDTH - 1

@@ -7,6 +7,7 @@ import importlib
 import inspect
 import re
 from collections.abc import Iterator
+from enum import Enum
 from pathlib import Path
 
 import pytest
@@ -40,13 +41,13 @@ BARE = {"Camera", "Scene", "WorldRegion"}
 
 
 def documented() -> Iterator[str]:
-    """Public functions and classes with parameters, and the main methods."""
+    """Public functions and classes with parameters, without enums, and the main methods."""
     for name, value in PUBLIC.items():
         if (
             callable(value)
             and not name.startswith("kernels.")
             and name.split(".")[-1] not in BARE
-            and not issubclass_of(value, (Exception, Warning))
+            and not issubclass_of(value, (Exception, Warning, Enum))
         ):
             yield name
     yield from MAIN_METHODS

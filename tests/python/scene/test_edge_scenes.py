@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import regionpose as rp
 from commands import run
+from diagnostics import edges_of
 from made_up_worlds import CAMERA, World, made_world, pose_of
 from PIL import Image
 from regionpose.alignment import pose_search
@@ -25,10 +26,10 @@ from regionpose.scene.document import SceneError
 from regionpose.scene.estimate import estimate_scene
 from regionpose.scene.exposure import SceneData
 from regionpose.scene.folder import FolderOptions, pair_scene
+from regionpose.scene.headline import headline
 from regionpose.scene.loading import load_scene
 from regionpose.scene.result import scene_result
 from regionpose.scene.stages import Stages
-from regionpose.scene.verdict import DOUBTFUL, verdict
 from scene_files import PLATES
 from scene_files import write_scene as write_plates
 
@@ -113,17 +114,18 @@ def test_a_scene_without_regions_gives_the_pose(pair: Path, worlds: list[World])
     stages = Stages()
     scene = estimate_scene(load_scene(write_scene(pair)), stages)
     assert_right(scene.estimate.pose.matrix, worlds[0].pose)
-    calibration = scene.calibration
-    assert calibration is not None and calibration.assumed == () and scene.names == ()
+    edges = edges_of(scene.estimate)
+    assert edges.assumed == () and scene.names == ()
     assert "edges" in stages.seconds
     result = scene_result(scene)
     assert all(map(math.isfinite, numbers_in(result)))
     json.dumps(result, allow_nan=False)
-    assert result["overlap_error"] is None and result["regions"] == [] and result["frames"] is None
-    assert result["edge_search"]["regions"] is None and result["matching"] is None
-    assert result["scene_agreement"]["edges"] > 100 and result["scene_agreement"]["log_odds"] > 3.0
-    search = result["edge_search"]
-    assert search["edges"] == calibration.edges and search["log_odds"] == calibration.log_odds
+    found = result["diagnostics"]
+    assert found["overlap_error"] is None and found["regions"] == [] and found["rig"] is None
+    search = found["edges"]
+    assert search["regions_only"] is None and found["matching"] is None
+    assert search["alignment"]["edges"] > 100 and search["alignment"]["log_odds"] > 3.0
+    assert search["count"] == edges.count and search["log_odds"] == edges.log_odds
     assert search["log_odds_over_next"] is None or search["log_odds_over_next"] > 0.0
     assert search["assumed"] == []
     prior = search["prior"]
@@ -134,19 +136,16 @@ def test_a_scene_without_regions_gives_the_pose(pair: Path, worlds: list[World])
 
 
 def test_the_verdict_speaks_of_edges(pair: Path) -> None:
-    judged = verdict(estimate_scene(load_scene(write_scene(pair))))
-    assert judged.level in {"trusted", "check"}
-    assert re.match(
-        r"The edges of the cloud lie on those of the photo at this pose, by odds of e\^\d+", judged.headline
-    )
-    assert "regions" not in judged.headline
+    run_ = estimate_scene(load_scene(write_scene(pair)))
+    assert run_.estimate.status in {"trusted", "check"}
+    assert re.match(r"The edges of the cloud lie on those of the photo at this pose, by odds of e\^\d+", headline(run_))
+    assert "regions" not in headline(run_)
 
 
 def test_the_verdict_of_a_wrong_photo_is_doubtful(pair: Path, worlds: list[World]) -> None:
     Image.fromarray(worlds[1].photo[:, ::-1]).save(pair / "0001.png")
-    judged = verdict(estimate_scene(load_scene(write_scene(pair))))
-    assert judged.level == DOUBTFUL
-    assert judged.remarks and all(advice for _, advice in judged.remarks)
+    estimate = estimate_scene(load_scene(write_scene(pair))).estimate
+    assert estimate.status == rp.PoseStatus.DOUBTFUL and estimate.warnings
 
 
 def test_all_files_of_a_scene_without_regions_are_written(pair: Path) -> None:
@@ -154,7 +153,7 @@ def test_all_files_of_a_scene_without_regions_are_written(pair: Path) -> None:
     run_, out = estimate_scene(scene), pair / "out"
     out.mkdir()
     files = bundle(run_, Stages(), folder=out)
-    assert run_.estimate.alternatives
+    assert run_.estimate.diagnostics.alternatives
     assert run_.regions_found is not None
     planes = {"planes.png", "regions.png", "regions.npy"}
     assert files.writers.keys() == set(file_names(scene)) - (set() if run_.regions_found.names else planes)
@@ -171,7 +170,7 @@ def test_all_files_of_a_scene_without_regions_are_written(pair: Path) -> None:
     report = (out / "report.html").read_text(encoding="utf-8")
     assert "edges of clouds in view" in report and "<h2>Regions</h2>" not in report
     assert "noise of the contours" not in report and report.count("data:image/jpeg") >= 3
-    assert json.loads((out / "result.json").read_text(encoding="utf-8"))["verdict"]["level"] in {"check", "doubtful"}
+    assert json.loads((out / "result.json").read_text(encoding="utf-8"))["status"] in {"check", "doubtful"}
 
 
 def test_confirmed_planes_are_regions_of_a_scene_file(pair: Path) -> None:
@@ -180,7 +179,7 @@ def test_confirmed_planes_are_regions_of_a_scene_file(pair: Path) -> None:
     files = bundle(run_, Stages(), folder=pair)
     for name in ("planes.png", "regions.png", "regions.npy"):
         files.writers[name](pair / name)
-    held = json.loads(json.dumps(files.result["confirmed_regions"], allow_nan=False))
+    held = json.loads(json.dumps(files.result["diagnostics"]["confirmed_regions"], allow_nan=False))
     [frame] = held["frames"]
     assert len(frame["regions"]) >= 3 and frame["compared"] >= len(frame["regions"])
     assert frame["log_odds"] >= np.log(9.0)
@@ -202,7 +201,7 @@ def test_confirmed_planes_are_regions_of_a_scene_file(pair: Path) -> None:
 
 def drawn(run_: Any) -> list[dict[str, Any]]:
     """The confirmed regions of a run as regions of its image alone."""
-    held = scene_result(run_)["confirmed_regions"]["frames"][0]["regions"]
+    held = scene_result(run_)["diagnostics"]["confirmed_regions"]["frames"][0]["regions"]
     return [{"name": f"face {number}", "image": one["image"]} for number, one in enumerate(held, start=1)]
 
 
@@ -246,23 +245,31 @@ def test_planes_are_not_matched_by_edges_that_tell_no_pose(
 
 def test_confirmed_planes_do_not_change_the_verdict(pair: Path) -> None:
     run_ = estimate_scene(load_scene(write_scene(pair)))
-    assert verdict(run_) == verdict(replace(run_, regions_found=None))
+    assert headline(run_) == headline(replace(run_, regions_found=None))
 
 
 def test_scenes_with_regions_confirm_no_planes(tmp_path: Path) -> None:
     run_ = estimate_scene(load_scene(write_plates(tmp_path)))
-    assert run_.regions_found is None and scene_result(run_)["confirmed_regions"] is None
+    assert run_.regions_found is None and scene_result(run_)["diagnostics"]["confirmed_regions"] is None
 
 
 def test_what_was_assumed_is_in_the_result(pair: Path) -> None:
     result = scene_result(estimate_scene(load_scene(write_scene(pair, prior=None))))
-    assert result["edge_search"]["assumed"] == ["camera_near", "camera_near_sigma_m"]
-    assert result["edge_search"]["prior"]["camera_near_m"] == [0.0, 0.0, 0.0]
-    assert result["camera_near"] == {"place_in_world_m": [0.0, 0.0, 0.0], "sigma_m": 0.5, "source": "assumption"}
+    assert result["diagnostics"]["edges"]["assumed"] == ["camera_near", "camera_near_sigma_m"]
+    assert result["diagnostics"]["edges"]["prior"]["camera_near_m"] == [0.0, 0.0, 0.0]
+    assert result["diagnostics"]["camera_near"] == {
+        "place_in_world_m": [0.0, 0.0, 0.0],
+        "sigma_m": 0.5,
+        "source": "assumption",
+    }
     known = scene_result(estimate_scene(load_scene(write_scene(pair, prior=None, sensor_origin=[0.0, 0.0, 0.0]))))
-    assert known["edge_search"]["assumed"] == ["camera_near_sigma_m"]
-    assert known["camera_near"]["source"] == "sensor_origin"
-    assert known["camera_near"]["sigma_m"] == known["edge_search"]["prior"]["camera_near_sigma_m"] == 0.5
+    assert known["diagnostics"]["edges"]["assumed"] == ["camera_near_sigma_m"]
+    assert known["diagnostics"]["camera_near"]["source"] == "sensor_origin"
+    assert (
+        known["diagnostics"]["camera_near"]["sigma_m"]
+        == known["diagnostics"]["edges"]["prior"]["camera_near_sigma_m"]
+        == 0.5
+    )
 
 
 def test_a_scene_of_a_map_s_grid_gives_its_pose_there(worlds: list[World], tmp_path: Path) -> None:
@@ -276,10 +283,10 @@ def test_a_scene_of_a_map_s_grid_gives_its_pose_there(worlds: list[World], tmp_p
     run_ = estimate_scene(load_scene(write_scene(tmp_path, prior=prior, sensor_origin=FAR.tolist())))
     assert_right(run_.estimate.pose.rebase(FAR).matrix, worlds[0].pose)
     result = scene_result(run_)
-    held = result["edge_search"]["prior"]
+    held = result["diagnostics"]["edges"]["prior"]
     assert np.allclose(held["camera_near_m"], FAR, atol=1e-6)
     assert np.allclose(held["initial_camera_from_world"]["matrix"], pose_of(45.0).rebase(-FAR).matrix, atol=1e-6)
-    for other in run_.estimate.alternatives:
+    for other in run_.estimate.diagnostics.alternatives:
         assert np.linalg.norm(other.pose.camera_center - FAR) < 5.0
 
 
@@ -290,11 +297,11 @@ def test_frames_share_a_pose(drive: Path, worlds: list[World]) -> None:
     assert_right(run_.estimate.pose.matrix, worlds[0].pose)
     files = bundle(run_, stages, folder=drive)
     json.dumps(files.result, allow_nan=False)
-    assert [frame["name"] for frame in files.result["frames"]] == ["0001", "0002"]
-    for frame in files.result["frames"]:
-        assert frame["without_it"] is None and frame["overlap_error"] is None
-        assert frame["scene_agreement"]["edges"] > 100
-    assert "edges of 2 clouds lie on those of their photos" in files.result["verdict"]["headline"]
+    assert [frame["name"] for frame in files.result["diagnostics"]["rig"]["frames"]] == ["0001", "0002"]
+    for frame in files.result["diagnostics"]["rig"]["frames"]:
+        assert frame["leave_one_out"] is None and frame["overlap_error"] is None
+        assert frame["alignment"]["edges"] > 100
+    assert "edges of 2 clouds lie on those of their photos" in files.result["headline"]
     written = {name for name in files.writers if not name.startswith("runner_up")}
     assert written == {name for name in file_names(scene) if not name.startswith("runner_up")}
     assert {"depth_1.png", "depth_2.png", "edges_2.png", "cloud_2.ply"} <= written

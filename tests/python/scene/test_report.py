@@ -27,9 +27,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> SceneEstimate:
 
 def page(run: SceneEstimate, title: str = "A title") -> str:
     picture = np.full((20, 30, 3), 90, dtype=np.uint8)
-    remarks = [("<b>weak</b> & poor", "look")]
-    report = Report(title, "check", "Head < line", remarks, scene_result(run), [Figure(picture, "one")], [])
-    return report_html(report)
+    warning = {"text": "<b>weak</b> & poor", "advice": "look"}
+    result = {**scene_result(run), "status": "check", "headline": "Head < line", "warnings": [warning]}
+    return report_html(Report(title, result, [Figure(picture, "one")], []))
 
 
 class Balance(HTMLParser):
@@ -97,20 +97,20 @@ def test_file_names_are_text_alone(name: str, tmp_path: Path) -> None:
 
 def test_the_report_says_what_the_result_holds(run: SceneEstimate) -> None:
     html, result = page(run), scene_result(run)
-    for region in result["regions"]:
+    for region in result["diagnostics"]["regions"]:
         assert f"<td>{region['name']}</td><td>{100 * region['overlap_error']:.2f} %</td>" in html
     for entry in result["inputs"]:
         assert entry["sha256"] in html
     assert "camera_from_world" in html and "world_from_camera" in html and "T_lidar_camera" in html
-    assert f"{result['translation_sigma_m'][2] * 1000:.2f}" in html
+    assert f"{result['sigma']['translation_m'][2] * 1000:.2f}" in html
 
 
 def test_a_result_with_an_initial_pose_shows_both_errors(run: SceneEstimate) -> None:
     result = scene_result(run)
-    for region, before in zip(result["regions"], (0.25, None), strict=True):
+    for region, before in zip(result["diagnostics"]["regions"], (0.25, None), strict=True):
         region["overlap_error_before"] = before
-    html = report_html(Report("t", "trusted", "h", [], result, []))
-    first, second = result["regions"]
+    html = report_html(Report("t", result, []))
+    first, second = result["diagnostics"]["regions"]
     assert "<th>overlap error before</th><th>overlap error after</th>" in html
     assert f"<td>{first['name']}</td><td>25.00 %</td><td>{100 * first['overlap_error']:.2f} %</td>" in html
     assert f"<td>{second['name']}</td><td>unknown</td>" in html
@@ -126,9 +126,9 @@ def test_the_page_prints_dark_on_white_without_cutting_tables_and_pictures(run: 
 def test_unknown_numbers_are_said_to_be_unknown(run: SceneEstimate) -> None:
     result = scene_result(run)
     result["covariance"] = [[None] * 6] * 6
-    result["rotation_sigma_deg"] = result["translation_sigma_m"] = [None] * 3
-    result["overlap_error"] = result["boundary_noise_px"] = None
-    html = report_html(Report("t", "doubtful", "h", [], result, []))
+    result["sigma"] = {"rotation_deg": [None] * 3, "translation_m": [None] * 3}
+    result["diagnostics"] |= {"overlap_error": None, "boundary_noise_px": None}
+    html = report_html(Report("t", result, []))
     assert html.count("unknown") >= 9
 
 

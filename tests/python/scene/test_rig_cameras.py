@@ -75,7 +75,7 @@ def test_each_camera_has_its_pose_and_its_files(
         held: Any = load_scene(out / "scene.yaml").document.value
         assert held["camera"] == f"../../rig/{name}/calib.txt"
         assert held["frames"][0]["cloud"] == "../../rig/clouds/0001.ply"
-    levels = {result["verdict"]["level"] for result in results.values()}
+    levels = {result["status"] for result in results.values()}
     assert code == (3 if "doubtful" in levels else 0)
     assert any(re.fullmatch(r"camera 2 of 2, left: .*edges", stage) for stage in stages)
 

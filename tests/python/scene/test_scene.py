@@ -360,8 +360,8 @@ def test_overlap_errors_at_the_estimate_are_the_estimates(tmp_path: Path) -> Non
     values["regions"][0]["image"]["polygon"][0][0] += 3.0
     run = estimate_scene(load_scene(write_scene(tmp_path, values)))
     whole, errors = run.sides.overlap_errors(run.estimate.pose)
-    np.testing.assert_allclose(errors, run.estimate.region_overlap_errors, rtol=1e-9)
-    assert whole == pytest.approx(run.estimate.overlap_error, rel=1e-9)
+    np.testing.assert_allclose(errors, run.estimate.diagnostics.region_overlap_errors, rtol=1e-9)
+    assert whole == pytest.approx(run.estimate.diagnostics.overlap_error, rel=1e-9)
     assert (errors > 1e-4).any()
 
 
@@ -387,7 +387,7 @@ def test_an_initial_pose_adds_the_errors_before_and_its_picture(tmp_path: Path) 
     run = estimate_scene(load_scene(write_scene(tmp_path, values)))
     made = bundle(run, Stages())
     assert set(made.writers) == set(file_names(run.sides.scene)) >= {"overlay.png", "overlay_before.png"}
-    for region, error in zip(made.result["regions"], run.sides.overlap_errors(moved)[1], strict=True):
+    for region, error in zip(made.result["diagnostics"]["regions"], run.sides.overlap_errors(moved)[1], strict=True):
         assert region["overlap_error_before"] == pytest.approx(error, rel=1e-6)
         assert region["overlap_error_before"] > 0.05 > region["overlap_error"]
     for name in ("overlay.png", "overlay_before.png", "report.html"):
@@ -401,7 +401,7 @@ def test_an_initial_pose_adds_the_errors_before_and_its_picture(tmp_path: Path) 
 def test_without_an_initial_pose_there_is_no_before(start: str, tmp_path: Path) -> None:
     scene = load_scene(write_scene(tmp_path, {**scene_values(), "solver": {"start": start}}))
     assert "overlay_before.png" not in file_names(scene)
-    regions = scene_result(estimate_scene(scene))["regions"]
+    regions = scene_result(estimate_scene(scene))["diagnostics"]["regions"]
     assert all("overlap_error_before" not in region for region in regions)
 
 
@@ -412,8 +412,8 @@ def test_the_result_says_the_pose_both_ways_and_is_json(tmp_path: Path) -> None:
     np.testing.assert_allclose(result["camera_center_in_world_m"], back[:3, 3], atol=1e-12)
     quaternion = Rotation.from_quat(result["camera_from_world"]["quat_xyzw"]).as_matrix()
     np.testing.assert_allclose(quaternion, forward[:3, :3], atol=1e-12)
-    np.testing.assert_allclose(np.sqrt(np.diag(result["covariance"]))[3:], result["translation_sigma_m"], rtol=1e-12)
-    assert [region["name"] for region in result["regions"]] == list(PLATES)
+    np.testing.assert_allclose(np.sqrt(np.diag(result["covariance"]))[3:], result["sigma"]["translation_m"], rtol=1e-12)
+    assert [region["name"] for region in result["diagnostics"]["regions"]] == list(PLATES)
     assert {entry["path"] for entry in result["inputs"]} == {"scene.yaml", "image.png"}
     assert all(len(entry["sha256"]) == 64 for entry in result["inputs"])
 
@@ -457,10 +457,10 @@ def test_numbers_that_json_lacks_become_null() -> None:
 
 
 def test_warnings_name_their_regions_whatever_these_are_called() -> None:
-    told = rp.PoseWarning("same", "{0} is {1}, by {share} of {{all}}", (1, 0), {"share": 0.5})
-    assert str(told) == "same: region 1 is region 0, by 0.5 of {all}"
-    assert told.message_for(("{0}", "region 0")) == "region 1 (region 0) is region 0 ({0}), by 0.5 of {all}"
-    assert hash(told) == hash(replace(told)) and told == replace(told)
+    warning = rp.PoseWarning(rp.WarningCode.DUPLICATE_REGIONS, (1, 0), {"share": 0.5, "side": "{all}"})
+    assert str(warning).startswith("duplicate-regions: region 1 and region 0 are one region on the {all} side")
+    assert warning.text_with(("{0}", "region 0")).startswith("region 1 (region 0) and region 0 ({0}) are")
+    assert hash(warning) == hash(replace(warning)) and warning == replace(warning)
 
 
 def test_the_documents_example_is_a_scene(tmp_path: Path) -> None:

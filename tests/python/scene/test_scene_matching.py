@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from commands import run as run_command
+from diagnostics import between_frame_sigma_of
 from PIL import Image, ImageDraw
 from regionpose import PoseError, match_regions
 from regionpose.datasets.demo import demo_folder
@@ -55,9 +56,9 @@ def test_unpaired_regions_are_matched_and_told(tmp_path: Path) -> None:
     assert is_right(run)
     assert run.names == ("floor", "wall")
     result = scene_result(run)
-    (held,) = result["matching"]
+    (held,) = result["diagnostics"]["matching"]
     assert held["pairs"] == [["floor", "a"], ["wall", "b"]]
-    assert [region["world_region"] for region in result["regions"]] == ["a", "b"]
+    assert [region["world_region"] for region in result["diagnostics"]["regions"]] == ["a", "b"]
 
 
 def test_pairs_that_are_known_stay_and_lead_to_the_rest(tmp_path: Path) -> None:
@@ -126,13 +127,13 @@ def test_frames_give_one_pose(tmp_path: Path) -> None:
     assert is_right(run)
     assert run.names == ("one: floor", "two: wall")
     result = scene_result(run)
-    assert [frame["name"] for frame in result["frames"]] == ["one", "two"]
-    assert run.between_frame_sigma is not None
-    assert result["between_frame_sigma"] == {
-        "rotation_sigma_deg": run.between_frame_sigma.rotation_sigma_deg,
-        "center_sigma_m": run.between_frame_sigma.center_sigma_m,
+    assert [frame["name"] for frame in result["diagnostics"]["rig"]["frames"]] == ["one", "two"]
+    sigma = between_frame_sigma_of(run.estimate)
+    assert result["diagnostics"]["rig"]["between_frame_sigma"] == {
+        "rotation_sigma_deg": sigma.rotation_sigma_deg,
+        "center_sigma_m": sigma.center_sigma_m,
     }
-    assert [region["name"] for region in result["regions"]] == ["one: floor", "two: wall"]
+    assert [region["name"] for region in result["diagnostics"]["regions"]] == ["one: floor", "two: wall"]
     assert result["image"] is None
     json.dumps(result, allow_nan=False)
 
@@ -151,7 +152,7 @@ def test_a_single_frame_is_a_scene(tmp_path: Path) -> None:
     frame = {"name": "only", "image": values.pop("image"), "regions": values.pop("regions")}
     run = estimate_scene(load_scene(write_scene(tmp_path, values | {"frames": [frame]})))
     result = scene_result(run)
-    assert is_right(run) and result["frames"] is None and result["image"] == frame["image"]
+    assert is_right(run) and result["diagnostics"]["rig"] is None and result["image"] == frame["image"]
 
 
 def test_frames_of_map_coordinates_share_an_origin(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import regionpose as rp
 from card_scenes import CAMERA, PLACES, POSE, SHAPE, cards
+from diagnostics import focal_of, regions_only_of
 from numpy.typing import NDArray
 from PIL import Image
 from regionpose.geometry.units import length_text
@@ -17,10 +18,10 @@ from regionpose.io.clouds import Cloud, write_ply
 from regionpose.io.yaml_text import to_yaml
 from regionpose.scene.bundle import bundle
 from regionpose.scene.document import SceneError
-from regionpose.scene.estimate import SceneEstimate, estimate_scene
+from regionpose.scene.estimate import estimate_scene
+from regionpose.scene.headline import headline
 from regionpose.scene.loading import load_scene
 from regionpose.scene.stages import Stages
-from regionpose.scene.verdict import DOUBTFUL, verdict
 from scene_files import scene_values, write_scene
 
 ORIGIN = np.array([431_999.0, 5_400_000.0, 119.0])
@@ -50,12 +51,6 @@ def rough_scene(folder: Path, *, other_photo: bool = False, focal: float = 500.0
     return path
 
 
-def calibration_of(run: SceneEstimate) -> rp.Calibration:
-    """What edges said of the pose."""
-    assert run.calibration is not None
-    return run.calibration
-
-
 def errors(pose: rp.Pose) -> NDArray[np.float64]:
     """Degrees and meters from the true pose."""
     turn = np.degrees((pose.rotation * POSE.rotation.inv()).magnitude())
@@ -65,33 +60,32 @@ def errors(pose: rp.Pose) -> NDArray[np.float64]:
 def test_edges_refine_a_rough_pose(tmp_path: Path) -> None:
     rough = estimate_scene(load_scene(rough_scene(tmp_path, edges=False)))
     run = estimate_scene(load_scene(rough_scene(tmp_path)))
-    found = calibration_of(run)
-    assert rough.calibration is None and found.is_refined
+    found = regions_only_of(run.estimate)
+    assert rough.estimate.diagnostics.edges is None and found.is_refined
     assert (errors(run.estimate.pose) < 0.7 * errors(rough.estimate.pose)).all()
     assert run.estimate.confidence > 0.99
-    assert found.regions is not None
-    assert found.regions.pose.rebase(-run.sides.origin).camera_center == pytest.approx(
-        rough.estimate.pose.camera_center, abs=1e-6
-    )
+    assert found.estimate.pose.camera_center == pytest.approx(rough.estimate.pose.camera_center, abs=1e-6)
     whole, each = run.sides.overlap_errors(run.estimate.pose)
-    assert [run.estimate.overlap_error, *run.estimate.region_overlap_errors] == pytest.approx([whole, *each], rel=1e-6)
+    assert [run.estimate.diagnostics.overlap_error, *run.estimate.diagnostics.region_overlap_errors] == pytest.approx(
+        [whole, *each], rel=1e-6
+    )
     result = json.loads(json.dumps(bundle(run, Stages()).result))
-    said = result["edge_search"]["regions"]
-    assert said["rank"] == said["answers"] == 1 and said["turned_deg"] == pytest.approx(found.turned_deg)
+    said = result["diagnostics"]["edges"]["regions_only"]
+    assert said["rank"] == said["answers"] == 1 and said["rotation_deg"] == pytest.approx(found.rotation_deg)
     assert said["confidence"] == pytest.approx(rough.estimate.confidence)
-    assert result["solver"]["edges"] is True and result["scene_agreement"]["log_odds"] > 5.0
+    assert result["solver"]["edges"] is True and result["diagnostics"]["edges"]["alignment"]["log_odds"] > 5.0
 
 
 def test_another_photo_does_not(tmp_path: Path) -> None:
     rough = estimate_scene(load_scene(rough_scene(tmp_path, edges=False, other_photo=True)))
     run = estimate_scene(load_scene(rough_scene(tmp_path, other_photo=True)))
-    assert not calibration_of(run).is_refined and run.estimate.confidence <= rough.estimate.confidence
+    assert not regions_only_of(run.estimate).is_refined and run.estimate.confidence <= rough.estimate.confidence
     np.testing.assert_allclose(run.estimate.pose.matrix, rough.estimate.pose.matrix, atol=1e-8)
 
 
 def test_the_edges_of_no_cloud_are_not_looked_at(tmp_path: Path) -> None:
     path = write_scene(tmp_path, {**scene_values(), "solver": {"edges": True}})
-    assert estimate_scene(load_scene(path)).calibration is None
+    assert estimate_scene(load_scene(path)).estimate.diagnostics.edges is None
 
 
 def test_what_was_refined_before_is_refused(tmp_path: Path) -> None:
@@ -101,21 +95,20 @@ def test_what_was_refined_before_is_refused(tmp_path: Path) -> None:
 
 def test_wrong_focal_lengths_make_a_pose_doubtful(tmp_path: Path) -> None:
     run = estimate_scene(load_scene(rough_scene(tmp_path, focal=580.0)))
-    focal = calibration_of(run).focal
-    assert focal is not None and focal.factor == pytest.approx(500.0 / 580.0, abs=0.01)
-    told = verdict(run)
-    assert told.level == DOUBTFUL
-    assert any("times as long" in warning and "calibration" in advice for warning, advice in told.remarks)
+    focal = focal_of(run.estimate)
+    assert focal.factor == pytest.approx(500.0 / 580.0, abs=0.01)
+    assert run.estimate.status == rp.PoseStatus.DOUBTFUL
+    assert rp.WarningCode.FOCAL_LENGTH_CONFLICT in {warning.code for warning in run.estimate.warnings}
     result = json.loads(json.dumps(bundle(run, Stages()).result))
-    expected = {"log_odds": focal.log_odds, "best_factor": focal.factor, "moved_m_by_1_percent": focal.shift_m}
-    assert result["edge_search"]["focal"] == expected
+    expected = {"log_odds": focal.log_odds, "factor": focal.factor, "shift_m": focal.shift_m}
+    assert result["diagnostics"]["edges"]["focal"] == expected
 
 
 def test_right_focal_lengths_are_not_contradicted(tmp_path: Path) -> None:
     run = estimate_scene(load_scene(rough_scene(tmp_path)))
-    focal = calibration_of(run).focal
-    assert focal is not None and focal.log_odds > np.log(9.0)
-    assert all(warning.code != "focal-contradicted" for warning in run.estimate.warnings)
+    focal = focal_of(run.estimate)
+    assert focal.log_odds > np.log(9.0)
+    assert all(warning.code != "focal-length-conflict" for warning in run.estimate.warnings)
     # What is 3 to 6 m away comes nearer by a percent of that.
     assert 0.025 < focal.shift_m < 0.06
-    assert f"; focal lengths 1 % off would move it by {length_text(focal.shift_m)}." in verdict(run).headline
+    assert f"; focal lengths 1 % off would move it by {length_text(focal.shift_m)}." in headline(run)

@@ -49,7 +49,7 @@ def test_samples_of_a_scan_give_the_pose_and_are_said(tmp_path: Path) -> None:
     run = estimate_scene(load_scene(scanned(tmp_path, sensor_origin=SCANNER.tolist())))
     assert np.degrees((run.estimate.pose.rotation * POSE.rotation.inv()).magnitude()) < 1.0
     assert np.linalg.norm(run.estimate.pose.camera_center - POSE.camera_center) < 0.08
-    for side, region in zip(run.sides.world_sides, scene_result(run)["regions"], strict=True):
+    for side, region in zip(run.sides.world_sides, scene_result(run)["diagnostics"]["regions"], strict=True):
         assert side.region.samples is not None
         inside, outside = map(len, side.region.samples)
         assert region["known_by"] == f"samples: {inside} inside, {outside} outside"

@@ -40,13 +40,13 @@ def bent_scene() -> tuple[rp.FisheyeCamera, rp.Pose, Contours]:
     """Contours of a fisheye scene with a distortion."""
     camera, frames = fisheye_frames(3, 1)
     bent = replace(camera, distortion=(-0.03, 0.01, 0.0, 0.0))
-    return bent, RIG, contours_of(bent, RIG, *sides(frames))
+    return bent, RIG, contours_of(bent, *sides(frames), RIG)
 
 
 def test_distances_are_those_from_the_projected_outline() -> None:
     """Compared with shapely's distance between a point and the outline's edges."""
     camera, pose, contours = bent_scene()
-    distances = distances_of(camera, pose, contours)
+    distances = distances_of(camera, contours, pose)
     assert distances is not None
     pixels = camera.project(pose.transform(contours.vertices))
     for pieces, vertices in contours.regions:
@@ -80,7 +80,7 @@ def test_a_point_outside_is_at_a_distance_of_the_other_sign_than_one_inside() ->
     signed = []
     for grown in (0.9, 1.1):
         image = rp.ImageRegion.from_polygon((pixels - [320.0, 240.0]) * grown + [320.0, 240.0])
-        distances = distances_of(camera, identity, contours_of(camera, identity, [image], [world_of(square)]))
+        distances = distances_of(camera, contours_of(camera, [image], [world_of(square)], identity), identity)
         assert distances is not None
         signed.append(float(np.median(distances.values)))
     assert np.sort(signed) == pytest.approx([-10.0, 10.0])
@@ -94,7 +94,7 @@ def test_derivatives_agree_with_central_differences_of_the_distances(
     if isinstance(camera, rp.PinholeCamera):
         camera = replace(camera, distortion=(0.1, -0.05, 0.0, 0.0))
     names = tuple(name for part in ALL for name in PARAMETERS[part])
-    problem = ContourProblem(camera, RIG, contours_of(camera, RIG, *sides(frames)), names)
+    problem = ContourProblem(camera, RIG, contours_of(camera, *sides(frames), RIG), names)
     at = np.array([1e-3, -2e-3, 1e-3, 2e-3, 1e-3, -1e-3, 3e-3, -2e-3, 1e-3, 2e-3, 0.01, -0.01])
     jacobian, step = problem.jacobian(at), 1e-5
     for column, unit in enumerate(np.eye(12)):
@@ -113,7 +113,7 @@ def test_the_pieces_of_a_ring_are_its_parts_and_have_its_centroid() -> None:
     camera = rp.PinholeCamera(500.0, 500.0, 100.0, 80.0)
     identity = rp.Pose(Rotation.identity(), np.zeros(3))
     world = world_of(camera.bearings(triangle) / camera.bearings(triangle)[:, 2:])
-    contours = contours_of(camera, identity, [image], [world])
+    contours = contours_of(camera, [image], [world], identity)
     ring = shapely.LinearRing(image.rings[0])
     assert contours.pieces.mean(axis=0) == pytest.approx(shapely.get_coordinates(ring.centroid)[0], abs=EXACT_PX)
     assert len(contours.pieces) == round(ring.length / 3.0)
@@ -126,7 +126,7 @@ def test_split_edges_follow_the_camera_s_curves() -> None:
     square = np.array([[-2.0, 1.0, 1.0], [2.0, 1.0, 1.0], [2.0, 3.0, 1.0], [-2.0, 3.0, 1.0]])
     identity = rp.Pose(Rotation.identity(), np.zeros(3))
     image = rp.ImageRegion.from_polygon(camera.project(square))
-    vertices = contours_of(camera, identity, [image], [world_of(square)]).vertices
+    vertices = contours_of(camera, [image], [world_of(square)], identity).vertices
     share = np.linspace(0.0, 1.0, 2001)[:-1, None]
     dense = np.concatenate([a + share * (b - a) for a, b in zip(square, np.roll(square, -1, axis=0), strict=True)])
     split = shapely.LinearRing(camera.project(vertices))

@@ -101,7 +101,9 @@ def test_the_pose_is_the_true_one_and_that_of_the_pairs() -> None:
     assert_pose(found.estimate.pose, rp.Pose.from_parts(scene.rotation, scene.translation))
     paired = rp.estimate_pose(scene.camera, images, worlds)
     assert np.allclose(found.estimate.pose.matrix, paired.pose.matrix, atol=POSE)
-    assert np.allclose(found.estimate.region_overlap_errors, paired.region_overlap_errors, atol=POSE)
+    assert np.allclose(
+        found.estimate.diagnostics.region_overlap_errors, paired.diagnostics.region_overlap_errors, atol=POSE
+    )
 
 
 ORDERS = st.permutations(range(REGIONS))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import re
 from dataclasses import FrozenInstanceError, dataclass, replace
 from typing import Any
 
@@ -51,7 +50,7 @@ class Outcome:
 
 def outcome(problem: StudyProblem, estimate: rp.PoseEstimate) -> Outcome:
     """What an estimate is worth."""
-    answers = [estimate.pose, *(other.pose for other in estimate.alternatives)]
+    answers = [estimate.pose, *(other.pose for other in estimate.diagnostics.alternatives)]
     nearest = min(answers, key=lambda pose: displacement(problem, pose))
     solved = [bool(judged(problem, pose)["solved"]) for pose in (estimate.pose, nearest)]
     codes = tuple(warning.code for warning in estimate.warnings)
@@ -118,36 +117,35 @@ def is_true(pose: rp.Pose) -> bool:
 @pytest.mark.parametrize("driver", ["scipy", "native"])
 def test_up_and_the_visible_side_leave_one_pose_of_a_rectangle(driver: str) -> None:
     front = WORLD.with_viewpoint([0.0, 0.0, -1.0])
-    assert [len(seen(world, driver=driver).alternatives) for world in (WORLD, front)] == [3, 1]
-    assert len(seen(WORLD, driver=driver, up=[0.0, -1.0, 0.0], up_sigma_deg=10.0).alternatives) == 1
+    assert [len(seen(world, driver=driver).diagnostics.alternatives) for world in (WORLD, front)] == [3, 1]
+    assert len(seen(WORLD, driver=driver, up=[0.0, -1.0, 0.0], up_sigma_deg=10.0).diagnostics.alternatives) == 1
     estimate = seen(front, driver=driver, up=[0.0, -1.0, 0.0])
-    assert not estimate.alternatives and not estimate.warnings
+    assert not estimate.diagnostics.alternatives and not estimate.warnings
     assert is_true(estimate.pose)
 
 
 @pytest.mark.parametrize("driver", ["scipy", "native"])
 def test_an_initial_pose_with_its_uncertainty_leaves_one(driver: str) -> None:
     rough = rp.Pose(Rotation.from_rotvec([0.1, 0.1, -0.1]) * POSE.rotation, POSE.translation + 0.2)
-    assert len(seen(WORLD, driver=driver, initial=rough).alternatives) == 3
+    assert len(seen(WORLD, driver=driver, initial=rough).diagnostics.alternatives) == 3
     estimate = seen(WORLD, driver=driver, initial=rough, initial_rotation_sigma_deg=10.0, initial_center_sigma_m=0.3)
-    assert not estimate.alternatives and not estimate.warnings
+    assert not estimate.diagnostics.alternatives and not estimate.warnings
     assert is_true(estimate.pose)
 
 
 @pytest.mark.parametrize("driver", ["scipy", "native"])
 def test_a_place_that_the_camera_is_near_leaves_one(driver: str) -> None:
     estimate = seen(WORLD, driver=driver, camera_near=POSE.camera_center + 0.1, camera_near_sigma_m=0.2)
-    assert not estimate.alternatives and not estimate.warnings
+    assert not estimate.diagnostics.alternatives and not estimate.warnings
     assert is_true(estimate.pose)
 
 
 def test_a_camera_elsewhere_is_warned_of() -> None:
     """Known to 2 m without a word, 40 m above: all poses of the poster are 20 standard deviations away."""
     estimate = seen(WORLD, camera_near=POSE.camera_center + np.array([0.0, -40.0, 0.0]))
-    messages = {warning.code: warning.message for warning in estimate.warnings}
+    values = {warning.code: warning.values for warning in estimate.warnings}[rp.WarningCode.CAMERA_POSITION_CONFLICT]
     away = np.linalg.norm(estimate.pose.camera_center - POSE.camera_center + np.array([0.0, 40.0, 0.0]))
-    said = f"{1e3 * away:.1f} mm from the place it is known to be near, {away / 2.0:.1f} times"
-    assert said in messages["place-contradicted"], messages
+    assert values == pytest.approx({"shift_m": away, "sigmas": away / 2.0}, rel=1e-3)
 
 
 PARTS: list[dict[str, object]] = [
@@ -214,7 +212,10 @@ NEAR = {"camera_near": POSE.camera_center, "camera_near_sigma_m": 0.2}
 def answers(estimate: object) -> list[list[float]]:
     """All poses of an estimate."""
     assert isinstance(estimate, rp.PoseEstimate)
-    return [pose.matrix.ravel().tolist() for pose in (estimate.pose, *(other.pose for other in estimate.alternatives))]
+    return [
+        pose.matrix.ravel().tolist()
+        for pose in (estimate.pose, *(other.pose for other in estimate.diagnostics.alternatives))
+    ]
 
 
 def test_convention_an_initial_poses_sigma_is_degrees_and_meters_of_the_cameras_place() -> None:
@@ -223,15 +224,15 @@ def test_convention_an_initial_poses_sigma_is_degrees_and_meters_of_the_cameras_
     turned = rp.Pose(Rotation.from_euler("y", 20.0, degrees=True) * POSE.rotation, POSE.translation)
     turned = rp.Pose(turned.rotation, -turned.rotation.apply(POSE.camera_center))
     for initial, sigma, times in (
-        (carried, (5.0, 0.1), r"(9\.9|10\.0)"),
-        (turned, (2.0, 1.0), r"(9\.9|10\.0)"),
+        (carried, (5.0, 0.1), 10.0),
+        (turned, (2.0, 1.0), 10.0),
         (carried, (5.0, 0.5), None),
     ):
         sigmas = dict(zip(("initial_rotation_sigma_deg", "initial_center_sigma_m"), sigma, strict=True))
-        codes = {warning.code: warning.message for warning in seen(WORLD, initial=initial, **sigmas).warnings}
-        assert ("initial-contradicted" in codes) == (times is not None), codes
+        codes = {warning.code: warning.values for warning in seen(WORLD, initial=initial, **sigmas).warnings}
+        assert ("initial-pose-conflict" in codes) == (times is not None), codes
         if times is not None:
-            assert re.search(rf"{times} times the uncertainty", codes["initial-contradicted"])
+            assert codes[rp.WarningCode.INITIAL_POSE_CONFLICT]["sigmas"] == pytest.approx(times, abs=0.1)
 
 
 def test_a_pose_that_shows_the_other_side_is_warned_of() -> None:
@@ -240,7 +241,7 @@ def test_a_pose_that_shows_the_other_side_is_warned_of() -> None:
     ring = np.column_stack([flat, np.zeros(6)])
     image = rp.ImageRegion.from_polygon(CAMERA.project(POSE.transform(ring)))
     world = rp.WorldRegion.from_polygon(ring)
-    for height, expected in ((-2.0, []), (2.0, ["side-contradicted"])):
+    for height, expected in ((-2.0, []), (2.0, ["viewpoint-conflict"])):
         estimate = rp.estimate_pose(CAMERA, [image], [world.with_viewpoint([0.0, 0.0, height])])
         assert [warning.code for warning in estimate.warnings] == expected
         assert is_true(estimate.pose)
@@ -252,7 +253,7 @@ def test_batches_and_pickles_know_the_viewpoint() -> None:
     image = rp.ImageRegion.from_polygon(CAMERA.project(POSE.transform(POSTER)))
     [free, told] = rp.estimate_poses([(CAMERA, [image], [WORLD]), (CAMERA, [image], [front])])
     assert isinstance(free, rp.PoseEstimate) and isinstance(told, rp.PoseEstimate)
-    assert (len(free.alternatives), len(told.alternatives)) == (3, 1)
+    assert (len(free.diagnostics.alternatives), len(told.diagnostics.alternatives)) == (3, 1)
 
 
 def test_a_viewpoint_of_a_mesh_is_kept_by_pickling() -> None:

@@ -36,7 +36,7 @@ def rectangle(x: float, y: float) -> NDArray[np.float64]:
 
 def fit(pose: rp.Pose, rings: list[NDArray[np.float64]], hidden: list[list[int]] | None = None) -> SampleFit:
     image = rp.ImageRegion.from_polygon(rings, hidden_edges=hidden or ())
-    found = sample_fit(CAMERA, pose, image, region())
+    found = sample_fit(CAMERA, image, region(), pose)
     assert found is not None
     return found
 
@@ -65,7 +65,7 @@ def test_a_hidden_edge_tells_nothing() -> None:
 
 def test_an_outline_has_no_fit() -> None:
     world = rp.WorldRegion.from_polygon([[-1.0, -0.8, 5.0], [1.0, -0.8, 5.0], [1.0, 0.8, 5.0]])
-    assert sample_fit(CAMERA, TRUE, rp.ImageRegion.from_polygon(rectangle(1.0, 0.8)), world) is None
+    assert sample_fit(CAMERA, rp.ImageRegion.from_polygon(rectangle(1.0, 0.8)), world, TRUE) is None
 
 
 def test_pictures_show_samples_on_the_wrong_side_alone() -> None:
@@ -73,7 +73,7 @@ def test_pictures_show_samples_on_the_wrong_side_alone() -> None:
     gray = np.full((300, 400, 3), 128, dtype=np.uint8)
     counts = []
     for pose in (TRUE, ASIDE):
-        picture = rp.overlay_regions(gray, CAMERA, pose, [image], [region()], [""])
+        picture = rp.overlay_regions(CAMERA, gray, [image], [region()], pose, [""])
         counts.append([int((picture == color).all(axis=2).sum()) for color in (PROJECTED, OUTSIDE)])
     # Beyond the outlines' and the legend's own: 32 dots of each color.
     assert counts[1][0] > counts[0][0] + 100

@@ -42,7 +42,7 @@ def problem_of(scene: SyntheticScene, coverage: bool = False) -> PoseProblem:
 
 def poses_of(estimate: rp.PoseEstimate) -> list[rp.Pose]:
     """The best pose and those that fit as well."""
-    return [estimate.pose, *(alternative.pose for alternative in estimate.alternatives)]
+    return [estimate.pose, *(alternative.pose for alternative in estimate.diagnostics.alternatives)]
 
 
 def apart(a: rp.Pose, b: rp.Pose, anchor: Array) -> float:
@@ -58,7 +58,7 @@ def test_both_drivers_end_at_the_same_poses(seed: int, planes: int) -> None:
     scene = perspective_scene(seed, planes, world="arbitrary", study="drivers")
     problem = problem_of(scene)
     scipy, native = (rp.estimate_pose(*problem, solver=rp.Solver(driver=driver)) for driver in ("scipy", "native"))
-    assert len(scipy.alternatives) == len(native.alternatives)
+    assert len(scipy.diagnostics.alternatives) == len(native.diagnostics.alternatives)
     for pose in poses_of(scipy):
         assert min(apart(pose, other, scene.anchor) for other in poses_of(native)) < DRIVERS
     truth = rp.Pose.from_parts(scene.rotation, scene.translation)
@@ -131,8 +131,11 @@ def assert_same(a: rp.PoseEstimate, b: rp.PoseEstimate) -> None:
     """Equal to the last bit."""
     assert np.array_equal(a.pose.matrix, b.pose.matrix)
     assert np.array_equal(a.covariance, b.covariance)
-    assert a.overlap_error == b.overlap_error and a.evaluations == b.evaluations
-    assert len(a.alternatives) == len(b.alternatives)
+    assert (
+        a.diagnostics.overlap_error == b.diagnostics.overlap_error
+        and a.diagnostics.evaluations == b.diagnostics.evaluations
+    )
+    assert len(a.diagnostics.alternatives) == len(b.diagnostics.alternatives)
     assert [str(warning) for warning in a.warnings] == [str(warning) for warning in b.warnings]
 
 
@@ -221,7 +224,7 @@ def test_the_calibrations_errors_are_what_they_add_to_a_covariance() -> None:
     problem, solver = problem_of(omnidirectional_scene(3, 3)), rp.Solver(driver="native")
     known = rp.Solver(driver="native", focal_sigma_percent=0.0, center_sigma_px=0.0)
     ordinary, exact = (rp.estimate_pose(*problem[:3], solver=each) for each in (solver, known))
-    added = solver.calibration_covariance(ordinary.focal_shift, ordinary.pixel_angle_rad)
+    added = solver.calibration_covariance(ordinary.diagnostics.focal_shift, ordinary.diagnostics.pixel_angle_rad)
     assert np.allclose(ordinary.covariance - exact.covariance, added, rtol=1e-9, atol=1e-15)
     # The camera has 504 px in a radian about its axis.
-    assert 1 / 600 < ordinary.pixel_angle_rad < 1 / 500
+    assert 1 / 600 < ordinary.diagnostics.pixel_angle_rad < 1 / 500

@@ -42,7 +42,7 @@ def along(ring: Array, camera: rp.PinholeCamera, pose: rp.Pose) -> Array:
 
 @pytest.mark.parametrize("camera", [CAMERA, BARREL], ids=["pinhole", "barrel distortion"])
 def test_contours_lie_where_the_camera_projects_them(camera: rp.PinholeCamera) -> None:
-    picture = overlay_regions(GRAY, camera, POSE, None, WORLD[:1], [""])
+    picture = overlay_regions(camera, GRAY, None, WORLD[:1], POSE, [""])
     exact = along(WORLD[0].rings[0], camera, POSE)
     rows, columns = np.nonzero(like(picture, PROJECTED))
     drawn = np.column_stack([columns, rows])
@@ -55,7 +55,7 @@ def test_contours_lie_where_the_camera_projects_them(camera: rp.PinholeCamera) -
 
 def test_observed_contours_lie_under_projected_ones() -> None:
     moved = rp.Pose(POSE.rotation, POSE.translation + np.array([0.3, 0.0, 0.0]))
-    picture = overlay_regions(GRAY, CAMERA, moved, SEEN, WORLD)
+    picture = overlay_regions(CAMERA, GRAY, SEEN, WORLD, moved)
     for color, rings in (
         (OBSERVED, [region.rings[0] for region in SEEN]),
         (PROJECTED, [along(region.rings[0], CAMERA, moved) for region in WORLD]),
@@ -70,7 +70,7 @@ def test_observed_contours_lie_under_projected_ones() -> None:
 @pytest.mark.parametrize("turn", [0.0, 60.0, 90.0, 180.0])
 def test_regions_out_of_view_and_behind_the_camera_are_left_out(turn: float) -> None:
     away = rp.Pose(Rotation.from_euler("y", turn, degrees=True) * POSE.rotation, POSE.translation * [1.0, 1.0, 0.02])
-    picture = overlay_regions(GRAY, CAMERA, away, SEEN, WORLD, ["floor", "wall"])
+    picture = overlay_regions(CAMERA, GRAY, SEEN, WORLD, away, ["floor", "wall"])
     assert picture.shape == GRAY.shape and (picture != GRAY).any()
 
 
@@ -84,14 +84,14 @@ def test_regions_out_of_view_and_behind_the_camera_are_left_out(turn: float) -> 
 def test_no_pose_and_no_size_breaks_a_drawing(yaw: float, pitch: float, shift: tuple[float, ...], size: int) -> None:
     pose = rp.Pose(Rotation.from_euler("yx", [yaw, pitch], degrees=True), np.array(shift))
     image, unsized = np.zeros((size, 2 * size), dtype=np.uint8), replace(CAMERA, width=None, height=None)
-    assert overlay_regions(image, unsized, pose, SEEN, WORLD, ["a long name 12.3 %", ""]).shape == (size, 2 * size, 3)
-    height, width, _ = overlay_depth(image, unsized, pose, np.concatenate(list(PLATES.values()))).shape
+    assert overlay_regions(unsized, image, SEEN, WORLD, pose, ["a long name 12.3 %", ""]).shape == (size, 2 * size, 3)
+    height, width, _ = overlay_depth(unsized, image, np.concatenate(list(PLATES.values())), pose).shape
     assert height == size and width > 2 * size
 
 
 def test_labels_cover_no_contour_where_there_is_room() -> None:
     bare, named = (
-        overlay_regions(GRAY, CAMERA, POSE, SEEN, WORLD, labels)
+        overlay_regions(CAMERA, GRAY, SEEN, WORLD, POSE, labels)
         for labels in (["", ""], ["floor  1.2 %", "wall  3.4 %"])
     )
     drawn = like(bare, PROJECTED) | like(bare, OBSERVED)
@@ -103,7 +103,7 @@ def test_the_given_image_is_left_alone_and_drawings_repeat() -> None:
     image = GRAY.copy()
     points = np.concatenate(list(PLATES.values()))
     pictures = [
-        (overlay_regions(image, CAMERA, POSE, SEEN, WORLD), overlay_depth(image, CAMERA, POSE, points))
+        (overlay_regions(CAMERA, image, SEEN, WORLD, POSE), overlay_depth(CAMERA, image, points, POSE))
         for _ in range(2)
     ]
     np.testing.assert_array_equal(image, GRAY)
@@ -114,14 +114,14 @@ def test_the_given_image_is_left_alone_and_drawings_repeat() -> None:
 @pytest.mark.parametrize(("observed", "labels"), [(SEEN[:1], ()), (SEEN, ("a",))])
 def test_numbers_that_differ_are_named(observed: list[rp.ImageRegion], labels: tuple[str, ...]) -> None:
     with pytest.raises(ValueError, match=r"there are 1 (image regions|labels) and 2 world regions"):
-        overlay_regions(GRAY, CAMERA, POSE, observed, WORLD, labels)
+        overlay_regions(CAMERA, GRAY, observed, WORLD, POSE, labels)
 
 
 def test_near_dots_are_light_far_ones_dark_and_lie_on_their_pixels() -> None:
     pixels = np.array([[60.0, 50.0], [100.0, 180.0], [140.0, 120.0]])
     depths = np.array([2.0, 5.0, 20.0])
     bearings = CAMERA.bearings(pixels)
-    picture = overlay_depth(np.zeros_like(GRAY), CAMERA, AT_ORIGIN, bearings * depths[:, None], limits_m=(2.0, 20.0))
+    picture = overlay_depth(CAMERA, np.zeros_like(GRAY), bearings * depths[:, None], AT_ORIGIN, limits_m=(2.0, 20.0))
     near, middle, far = picture[pixels[:, 1].astype(int), pixels[:, 0].astype(int)]
     table = depth_colors()
     np.testing.assert_array_equal(near, table[255])
@@ -135,12 +135,12 @@ def test_a_point_behind_a_wall_is_not_drawn() -> None:
     wall = np.column_stack([x, y, np.full(x.size, 3.0)])
     hidden = np.array([[0.004, 0.005, 9.0]])
     with_it, without = (
-        overlay_depth(GRAY, CAMERA, AT_ORIGIN, points, limits_m=(2.0, 10.0))
+        overlay_depth(CAMERA, GRAY, points, AT_ORIGIN, limits_m=(2.0, 10.0))
         for points in (np.concatenate([wall, hidden]), wall)
     )
     np.testing.assert_array_equal(with_it, without)
-    alone = overlay_depth(GRAY, CAMERA, AT_ORIGIN, hidden, limits_m=(2.0, 10.0))
-    assert (alone != overlay_depth(GRAY, CAMERA, AT_ORIGIN, -hidden, limits_m=(2.0, 10.0))).any()
+    alone = overlay_depth(CAMERA, GRAY, hidden, AT_ORIGIN, limits_m=(2.0, 10.0))
+    assert (alone != overlay_depth(CAMERA, GRAY, -hidden, AT_ORIGIN, limits_m=(2.0, 10.0))).any()
 
 
 def test_equal_steps_of_the_depth_colors_look_equal() -> None:
@@ -153,7 +153,7 @@ def test_equal_steps_of_the_depth_colors_look_equal() -> None:
 @pytest.mark.parametrize("limits", [(0.0, 1.0), (2.0, 2.0), (3.0, 1.0), (1.0, np.inf), (np.nan, 1.0)])
 def test_limits_that_give_no_scale_are_named(limits: tuple[float, float]) -> None:
     with pytest.raises(ValueError, match="needed 0 < nearest < farthest"):
-        overlay_depth(GRAY, CAMERA, AT_ORIGIN, np.ones((1, 3)), limits_m=limits)
+        overlay_depth(CAMERA, GRAY, np.ones((1, 3)), AT_ORIGIN, limits_m=limits)
 
 
 def test_a_picture_is_saved_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

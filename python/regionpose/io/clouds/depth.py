@@ -38,8 +38,8 @@ class DepthCamera(Protocol):
 
 
 def cloud_from_depth(
-    depth: ArrayLike | str | Path,
     camera: DepthCamera,
+    depth: ArrayLike | str | Path,
     *,
     unit_m: float | None = None,
     distance: Distance = "z",
@@ -53,10 +53,10 @@ def cloud_from_depth(
 
     Parameters
     ----------
-    depth : (h, w) array, str or Path
-        Or an image file of 16-bit integers or floats.
     camera : DepthCamera
         Of the depth image; every camera of this package is one.
+    depth : (h, w) array, str or Path
+        Or an image file of 16-bit integers or floats.
     unit_m : float, optional
         Meters of one unit of the values (1/5000 for TUM, 1/256 for KITTI's depth maps); integers need it, floats take
         1.
