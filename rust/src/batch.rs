@@ -56,7 +56,7 @@ pub fn in_parallel<P: Sync, A: Send>(
     Ok(solved.into_iter().map(|(answer, _)| answer).collect())
 }
 
-/// What a panic said.
+/// The error of a panic, with its message.
 fn panicked(held: &(dyn Any + Send)) -> Error {
     let text = held.downcast_ref::<&str>().copied().or_else(|| held.downcast_ref::<String>().map(String::as_str));
     Error::Panicked { reason: text.unwrap_or("nothing").to_owned() }

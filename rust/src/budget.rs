@@ -1,7 +1,7 @@
 //! A deterministic work budget, counted and not timed, so that answers are the same on any machine; and a cancellation callback.
 //!
-//! A search runs on one thread, and its budget is that thread's: kernels charge it without being handed anything. Only what looks for
-//! further answers asks whether it is exhausted. What was found by then is assessed as ever.
+//! A search runs on one thread, and its budget is that thread's: kernels charge it without an argument. Only searches for further
+//! answers check whether it is exhausted. Those found by then are assessed.
 //!
 //! A thread of a pool may take up another task in the middle of one, where that waits for a pool of its own. So tasks of a pool have a
 //! [`TaskBudget`]: each has the limit that its caller had when all of them began, whatever else its thread was at.
@@ -15,7 +15,7 @@ pub type Cancel = Arc<dyn Fn() -> bool + Send + Sync>;
 /// Work between two calls of the cancellation callback: some milliseconds.
 const POLL_INTERVAL: u64 = 4_000_000;
 
-/// A thread's budget, in edges that are looked at.
+/// A thread's budget, in edge evaluations.
 struct Budget {
     remaining: Cell<u64>,
     /// All that was charged, also beyond a limit.
@@ -48,7 +48,7 @@ pub fn poll(edges: usize) {
     BUDGET.with(|budget| budget.poll(edges as u64));
 }
 
-/// Whether the budget is exhausted or the work canceled: nothing further is to be looked for.
+/// Whether the budget is exhausted or the work canceled: the search ends.
 pub fn is_exhausted() -> bool {
     is_canceled() || BUDGET.with(|budget| budget.remaining.get() == 0)
 }
@@ -230,12 +230,12 @@ mod tests {
 
     #[test]
     fn a_limit_is_exhausted_once_its_work_is_done() {
-        let look = || {
+        let work = || {
             let rounds = (0..100).take_while(|_| !is_exhausted()).inspect(|_| charge(7)).count();
             (rounds, is_exhausted())
         };
-        assert_eq!(limited(70, look), ((10, true), true));
-        assert_eq!(limited(1000, look), ((100, false), false));
+        assert_eq!(limited(70, work), ((10, true), true));
+        assert_eq!(limited(1000, work), ((100, false), false));
         assert!(!is_exhausted());
     }
 

@@ -96,7 +96,7 @@ pub enum Error {
         /// Index of the bearing.
         index: usize,
     },
-    /// A line of the image's border, or of hidden edges, that leads nowhere.
+    /// A line of the image's border, or of hidden edges, with fewer than two distinct bearings.
     #[error("{item} line {line} has {found} bearings; a line needs at least 2")]
     ShortLine {
         /// Which lines: "border" or "hidden".
@@ -115,7 +115,7 @@ pub enum Error {
     /// Sums over pixels were asked for without pixels.
     #[error("the observed region holds no pixels; integration over pixels needs a region made from a mask")]
     NoPixels,
-    /// A mask of integers tells more than two kinds of pixels apart.
+    /// A mask of integers has more than two values.
     #[error("mask holds {found} integer values; needed 0 and one other (for labels, pass mask == label)")]
     MaskIntegers {
         /// Number of distinct values.
@@ -147,7 +147,7 @@ pub enum Error {
     /// The pool of threads could not be started.
     #[error("the threads could not be started: {reason}")]
     Threads {
-        /// What the system said.
+        /// The system's message.
         reason: String,
     },
     /// What is wrong with one region of several.
@@ -206,11 +206,11 @@ pub enum Error {
     /// A problem of a batch panicked, which is a defect of the crate or of the function that solves it.
     #[error("the solver failed on this problem ({reason}); this is a defect of regionpose")]
     Panicked {
-        /// What the panic said.
+        /// The message of the panic.
         reason: String,
     },
     /// The caller canceled the work.
-    #[error("the work was stopped; it needs somebody who waits for it")]
+    #[error("the work was canceled by its caller")]
     Canceled,
     /// An option outside its range.
     #[error("{item} is {found}; it needs to be {needed}")]
@@ -265,7 +265,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// The same error, said of the region with this index.
+    /// The same error, located at the region with this index.
     pub fn in_region(self, index: usize) -> Self {
         Self::InRegion { index, error: Box::new(self) }
     }

@@ -1,8 +1,8 @@
 //! Absolute pose of a central camera from planar regions, without correspondences.
 //!
-//! A region is seen in the image as closed rings of bearings and known in the world as a planar patch or an
-//! open surface. [`Problem`] pairs both sides; [`Problem::estimate`] finds the pose from nothing else, with its covariance,
-//! the other poses that fit as well, and warnings. The method is that of Frohlich, Tamas and Kato (IEEE TPAMI 2019);
+//! A region is closed rings of bearings in the image and a planar patch or an open surface in the world. [`Problem`] pairs
+//! both sides; [`Problem::estimate`] returns the pose, without an initial one, with its covariance, alternatives that fit as
+//! well, and warnings. The method is that of Frohlich, Tamas and Kato (IEEE TPAMI 2019);
 //! the formulas are derived in the document on its mathematics.
 //!
 //! Cameras end at bearings: any central camera, up to regions 87 degrees off their own axis, is served by the same code.
@@ -26,8 +26,8 @@
 //! # Ok::<(), regionpose::Error>(())
 //! ```
 //!
-//! What is known beforehand, and what else is to be done differently, goes into [`Options`]; [`Problem::with`] takes other
-//! integrals. A least squares of one's own runs between [`Problem::search`] and [`Search::assess`].
+//! [`Options`] have a prior and the settings of the search; [`Problem::with`] takes other integrals. Another least-squares
+//! solver runs between [`Problem::search`] and [`Search::assess`].
 //!
 //! # Features
 //!

@@ -17,7 +17,7 @@ pub enum Start {
 /// What follows the solution of the moment equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Refinement {
-    /// Where a part of the contours is disturbed, the projected boundary is led onto the rest, unless several regions all have samples.
+    /// Where a part of the contours is disturbed, the pose is refined on the rest, unless several regions all have samples.
     #[default]
     Contour,
     /// Nothing.
@@ -46,7 +46,7 @@ pub enum Refinement {
 pub struct Options {
     /// Where the search starts.
     pub start: Start,
-    /// What is known beforehand.
+    /// The prior of the pose.
     pub prior: Prior,
     /// What follows the moments.
     pub refinement: Refinement,

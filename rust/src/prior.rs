@@ -17,7 +17,7 @@ pub const NEAR_SIGMA: f64 = 2.0;
 /// wrong, and what fits better by more stands in spite of it.
 pub const MAX_PENALTY: f64 = 100.0;
 
-/// Squared distance, in variances, beyond which a pose contradicts what was known: five standard deviations.
+/// Squared distance, in variances, beyond which a pose contradicts a prior: five standard deviations.
 const CONTRADICTION: f64 = 25.0;
 
 /// Rotation, rad, beyond which a pose contradicts an initial one without an uncertainty: no rough pose is this rough.
@@ -32,12 +32,12 @@ pub struct PoseSigma {
     pub place: f64,
 }
 
-/// A prior on the pose: it adds starts, and decides between poses that fit about alike.
+/// A Gaussian prior on the pose: it adds starts, and resolves ambiguities between poses that fit about alike.
 ///
 /// ```
 /// # use nalgebra::Vector3;
 /// # use regionpose::{ObservedRegion, Options, Pose, PoseSigma, Prior, Problem, WorldRegion};
-/// // A poster looks the same from four poses.
+/// // A poster has the same view from four poses.
 /// let poster = [(0.0, 0.0), (1.6, 0.0), (1.6, 1.0), (0.0, 1.0)].map(|(x, y)| Vector3::new(x, y, 0.3 * y)).to_vec();
 /// let seen = poster.iter().map(|x| x + Vector3::new(-0.5, 0.2, 4.0)).collect();
 /// let problem = Problem::new(&[ObservedRegion::new(vec![seen], 90_000.0)], &[WorldRegion::from_rings(&[poster])?])?;
@@ -79,7 +79,7 @@ pub struct InitialDeviation {
 }
 
 impl InitialDeviation {
-    /// Whether the pose is not where the initial one says.
+    /// Whether the pose contradicts the initial one.
     pub fn is_contradiction(&self) -> bool {
         self.sigmas.map_or(self.rotation > FAR, |sigmas| sigmas * sigmas > CONTRADICTION)
     }
@@ -95,7 +95,7 @@ pub struct UpDeviation {
 }
 
 impl UpDeviation {
-    /// Whether up is not where the prior says.
+    /// Whether the pose contradicts the up direction.
     pub fn is_contradiction(&self) -> bool {
         self.sigmas * self.sigmas > CONTRADICTION
     }
@@ -111,7 +111,7 @@ pub struct PlaceDeviation {
 }
 
 impl PlaceDeviation {
-    /// Whether the camera is not where the prior says.
+    /// Whether the pose contradicts the camera's place.
     pub fn is_contradiction(&self) -> bool {
         self.sigmas * self.sigmas > CONTRADICTION
     }
@@ -168,7 +168,7 @@ impl Prior {
         self.up.map(|up| (up, self.up_sigma.unwrap_or(UP_SIGMA)))
     }
 
-    /// The initial pose and how rough it is, where both are known.
+    /// The initial pose and its standard deviations, where both are given.
     fn rough(&self) -> Option<(Pose, PoseSigma)> {
         self.initial.zip(self.initial_sigma)
     }
@@ -194,7 +194,7 @@ impl Prior {
         [initial, up, near].into_iter().flatten().map(|sigmas| (sigmas * sigmas).min(MAX_PENALTY)).sum()
     }
 
-    /// All that it says as one Gaussian factor of the left increment of a pose (`docs/math.md`, eq. 10.7).
+    /// All its terms as one Gaussian factor of the left increment of a pose (`docs/math.md`, eq. 10.7).
     ///
     /// The vector is the exact gradient of the log density at the pose, the information its curvature where pose and
     /// prior agree: from anywhere, the mean of each term alone is one Newton step away, so none drifts from one
@@ -257,8 +257,8 @@ impl Prior {
     }
 }
 
-/// Adds to a factor of the left increment that the three components from `first` on lie about `mean`, known along the directions that
-/// the projection `along` keeps.
+/// Adds to a factor of the left increment a normal term of the three components from `first` on, about `mean`, along the directions
+/// that the projection `along` keeps.
 fn add_block(factor: &mut Gaussian, first: usize, along: &Matrix3<f64>, mean: &Vector3<f64>, sigma: f64) {
     let weight = (sigma * sigma).recip();
     let mut block = factor.information.fixed_view_mut::<3, 3>(first, first);
@@ -318,13 +318,13 @@ mod tests {
     /// A camera turned by 0.2 rad where it stands, then carried by 0.6 m without a turn.
     #[test]
     fn a_turn_and_a_way_count_in_their_own_deviations() {
-        let known = Matrix6::zeros();
+        let exact = Matrix6::zeros();
         let turned = Pose::new(Rotation3::new(Vector3::new(0.0, 0.2, 0.0)), Vector3::zeros()).after(&pose());
-        let from = rough(0.1, 0.3).initial_deviation(&turned, &known).unwrap();
+        let from = rough(0.1, 0.3).initial_deviation(&turned, &exact).unwrap();
         assert!((from.rotation - 0.2).abs() < 1e-12 && from.place < 1e-12);
         assert!((from.sigmas.unwrap() - 2.0).abs() < 1e-9);
         let carried = Pose::new(pose().rotation, pose().translation + Vector3::new(0.0, 0.0, 0.6));
-        let from = rough(0.1, 0.3).initial_deviation(&carried, &known).unwrap();
+        let from = rough(0.1, 0.3).initial_deviation(&carried, &exact).unwrap();
         assert!(from.rotation < 1e-7 && (from.place - 0.6).abs() < 1e-12);
         let centers = carried.inverse().translation - pose().inverse().translation;
         assert!((from.place - centers.norm()).abs() < 1e-12);
@@ -344,9 +344,9 @@ mod tests {
 
     #[test]
     fn a_contradiction_is_beyond_five_deviations_or_half_a_right_angle() {
-        let known = Matrix6::zeros();
+        let exact = Matrix6::zeros();
         let carried = |by: f64| Pose::new(pose().rotation, pose().translation + Vector3::new(by, 0.0, 0.0));
-        let contradicted = |prior: Prior, at: &Pose| prior.initial_deviation(at, &known).unwrap().is_contradiction();
+        let contradicted = |prior: Prior, at: &Pose| prior.initial_deviation(at, &exact).unwrap().is_contradiction();
         assert!(!contradicted(rough(0.1, 0.1), &carried(0.49)) && contradicted(rough(0.1, 0.1), &carried(0.51)));
         let start = Prior { initial_sigma: None, ..rough(0.1, 0.1) };
         let turned = |by: f64| Pose::new(Rotation3::new(Vector3::z() * by) * pose().rotation, pose().translation);
@@ -361,20 +361,20 @@ mod tests {
         assert!((level * Vector3::z() + Vector3::y()).norm() < 1e-12);
         let roll = Rotation3::from_axis_angle(&Vector3::z_axis(), PI / 6.0);
         let rolled = Pose::new(roll * level, Vector3::zeros());
-        let known = Matrix6::zeros();
+        let exact = Matrix6::zeros();
         let prior = Prior { up: Some(Vector3::z() * 9.81), ..Prior::default() };
-        let from = prior.up_deviation(&rolled, &known).unwrap();
+        let from = prior.up_deviation(&rolled, &exact).unwrap();
         assert!((from.angle - PI / 6.0).abs() < 1e-9 && (from.sigmas - 2.0).abs() < 1e-9);
         let strict = Prior { up_sigma: Some(PI / 36.0), ..prior };
-        assert!((strict.up_deviation(&rolled, &known).unwrap().sigmas - 6.0).abs() < 1e-9);
-        assert!(strict.up_deviation(&rolled, &known).unwrap().is_contradiction() && !from.is_contradiction());
+        assert!((strict.up_deviation(&rolled, &exact).unwrap().sigmas - 6.0).abs() < 1e-9);
+        assert!(strict.up_deviation(&rolled, &exact).unwrap().is_contradiction() && !from.is_contradiction());
         // Uncertain about the roll by as much again, and about another axis.
         let own = |axis: usize| Matrix6::from_diagonal(&Vector6::ith(axis, (PI / 36.0).powi(2) * 3.0));
         assert!((strict.up_deviation(&rolled, &own(2)).unwrap().sigmas - 3.0).abs() < 1e-9);
         assert!((strict.up_deviation(&rolled, &own(0)).unwrap().sigmas - 6.0).abs() < 1e-9);
     }
 
-    /// A camera 3 m from where it should be, known to 1 m; its own 2 m along the way there add up to root 5, across
+    /// A camera 3 m from a place with a deviation of 1 m; the pose's own 2 m along the way there add up to root 5, across
     /// they don't.
     #[test]
     fn a_place_counts_by_its_distance_in_deviations() {
@@ -400,20 +400,20 @@ mod tests {
 
     #[test]
     fn a_penalty_is_the_sum_of_squares_each_up_to_what_is_believed() {
-        let known = Matrix6::zeros();
+        let exact = Matrix6::zeros();
         let carried = |by: f64| Pose::new(pose().rotation, pose().translation + Vector3::new(by, 0.0, 0.0));
         let up = pose().rotation.inverse() * Rotation3::from_axis_angle(&Vector3::z_axis(), UP_SIGMA) * -Vector3::y();
         let both = Prior { up: Some(up), ..rough(0.1, 0.1) };
-        assert!((both.penalty(&carried(0.3), &known) - 10.0).abs() < 1e-6);
-        assert!((both.penalty(&carried(70.0), &known) - (MAX_PENALTY + 1.0)).abs() < 1e-6);
+        assert!((both.penalty(&carried(0.3), &exact) - 10.0).abs() < 1e-6);
+        assert!((both.penalty(&carried(70.0), &exact) - (MAX_PENALTY + 1.0)).abs() < 1e-6);
         let three = Prior { near: Some(pose().inverse().translation), near_sigma: Some(0.1), ..both };
-        assert!((three.penalty(&carried(0.3), &known) - 19.0).abs() < 1e-6 && three.max_penalty() == 3.0 * MAX_PENALTY);
-        assert!((three.penalty(&carried(70.0), &known) - (2.0 * MAX_PENALTY + 1.0)).abs() < 1e-6);
+        assert!((three.penalty(&carried(0.3), &exact) - 19.0).abs() < 1e-6 && three.max_penalty() == 3.0 * MAX_PENALTY);
+        assert!((three.penalty(&carried(70.0), &exact) - (2.0 * MAX_PENALTY + 1.0)).abs() < 1e-6);
         assert!(
             both.max_penalty() == 2.0 * MAX_PENALTY
                 && rough(0.1, 0.1).max_penalty() == MAX_PENALTY
                 && Prior::default().max_penalty() == 0.0
         );
-        assert!(Prior::default().penalty(&pose(), &known) == 0.0);
+        assert!(Prior::default().penalty(&pose(), &exact) == 0.0);
     }
 }

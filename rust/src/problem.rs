@@ -20,10 +20,9 @@ use crate::samples::margin::SampledRegion;
 /// the quality of calibrations.
 const NOISE_FLOOR: f64 = 0.1;
 
-/// Times that a search, its least squares and its verdict may each look at all of the problem before they make do with what they
-/// have found: more than problems of the studies `trust` and `mistakes` take altogether, up to 1,987 looks (`_core.work_done`,
-/// `_core.Problem.work`).
-pub const MOST_LOOKS: u64 = 2_500;
+/// Work budget of a search, its least squares and its verdict each, in evaluations of all of the problem: more than problems of the
+/// studies `trust` and `mistakes` take altogether, up to 1,987 (`_core.work_done`, `_core.Problem.work`).
+pub const MAX_EVALUATIONS: u64 = 2_500;
 
 /// Pairs of regions, observed in one image and given in the world, ready to be solved.
 ///
@@ -111,14 +110,14 @@ impl Problem {
         &self.regions
     }
 
-    /// The same with the world sides by fewer vertices, for first looks.
+    /// The same with the world sides by fewer vertices, for coarse evaluations.
     pub(crate) fn coarse(&self) -> &[RegionEquations] {
         let pairs = || self.regions.iter().zip(self.worlds.iter());
         self.coarse.get_or_init(|| pairs().map(|(region, world)| region.coarse(world, &self.origin)).collect())
     }
 
-    /// The same with integrals of planes along their boundaries, where any is over a mesh: a search looks thousands of times, and
-    /// where it leads does not depend on how it sums.
+    /// The same with integrals of planes along their boundaries, where any is over a mesh: a search takes thousands of evaluations,
+    /// and its result does not depend on the integration.
     pub(crate) fn by_boundary(&self) -> Option<Self> {
         let pairs = || self.regions.iter().zip(self.worlds.iter());
         let regions = || pairs().map(|(region, world)| region.by_boundary(world, &self.origin)).collect();
@@ -153,11 +152,11 @@ impl Problem {
         &self.sampled
     }
 
-    /// The same with the samples of some of these regions alone; the others are known by their outlines.
+    /// The same with the samples of some of these regions alone; the others have their outlines alone.
     pub(crate) fn with_sampled(&self, kept: &[bool]) -> Self {
         let numbers = self.sampled.iter().zip(kept).filter(|(_, kept)| **kept).map(|(sampled, _)| sampled.index());
-        let anew = |index: usize| SampledRegion::new(index, &self.regions[index], &self.worlds[index], &self.origin);
-        Self { sampled: numbers.filter_map(anew).collect(), ..self.clone() }
+        let rebuilt = |index: usize| SampledRegion::new(index, &self.regions[index], &self.worlds[index], &self.origin);
+        Self { sampled: numbers.filter_map(rebuilt).collect(), ..self.clone() }
     }
 
     /// The straight edges that two regions share, as far as their outlines and planes show any.
@@ -172,7 +171,7 @@ impl Problem {
         crease.segment(&self.centered(pose)).map(|place| place + self.origin)
     }
 
-    /// What one look at all of the problem counts as (`budget`): its moments, the pieces of its contours, its samples.
+    /// Cost of one evaluation of all of the problem (`budget`): its moments, the pieces of its contours, its samples.
     #[doc(hidden)]
     pub fn work(&self) -> u64 {
         let regions =
@@ -182,7 +181,7 @@ impl Problem {
 
     /// What a search may count at most.
     pub(crate) fn most_work(&self) -> u64 {
-        MOST_LOOKS * self.work()
+        MAX_EVALUATIONS * self.work()
     }
 
     /// The point relative to which world coordinates are taken.
@@ -213,8 +212,8 @@ impl Problem {
         (cost / self.degrees_of_freedom()).max(NOISE_FLOOR * NOISE_FLOOR)
     }
 
-    /// How much worse than another a whitened cost is, in variances, where at most so many `numbers` tell of the noise
-    /// (`docs/math.md`, eq. 10.3).
+    /// How much worse than another a whitened cost is, in variances, with at most so many degrees of freedom of the noise (`numbers`;
+    /// `docs/math.md`, eq. 10.3).
     #[doc(hidden)]
     pub fn worse_by_moments(&self, cost: f64, other: f64, numbers: f64) -> f64 {
         let numbers = self.degrees_of_freedom().min(numbers);
@@ -227,7 +226,7 @@ impl Problem {
         count.saturating_sub(PARAMETERS).max(1) as f64
     }
 
-    /// The regions that a pose sees from the side away from their viewpoint.
+    /// The regions that a pose sees from the side opposite to their viewpoint.
     pub fn seen_from_behind(&self, pose: &Pose) -> Vec<usize> {
         let camera = pose.inverse().translation;
         let behind = |(index, world): (usize, &WorldRegion)| world.is_behind(&camera).then_some(index);

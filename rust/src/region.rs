@@ -54,11 +54,11 @@ pub struct ObservedRegion {
     /// bearing.
     pub borders: Vec<Vec<Vector3<f64>>>,
     /// Stretches of the rings that are not the region's own boundary, lines of bearings: edges of what hides a part of
-    /// it, or edges that nobody saw.
+    /// it, or edges that no image shows.
     pub hidden: Vec<Vec<Vector3<f64>>>,
 }
 
-/// The pixels of a mask: where each looks, and the solid angle of the part of it that belongs to the region.
+/// The pixels of a mask: the bearing of each, and the solid angle of the part of it that belongs to the region.
 #[derive(Debug, Clone)]
 pub struct Pixels {
     /// Unit bearings of the pixels' centers.
@@ -116,7 +116,7 @@ pub struct WorldRegion {
     /// Shared by all copies.
     derived: Arc<Derived>,
     samples: Option<Samples>,
-    /// Whether one line of its plane is all that is known.
+    /// Whether its samples lie on one line, so that its plane may be any through that line.
     is_line: bool,
 }
 
@@ -184,7 +184,7 @@ impl WorldRegion {
         })
     }
 
-    /// A point on the side that the camera sees, where that is known.
+    /// A point on the side that the camera sees, where one was given.
     pub fn viewpoint(&self) -> Option<&Vector3<f64>> {
         self.viewpoint.as_ref()
     }
@@ -198,9 +198,9 @@ impl WorldRegion {
             && self.viewpoint.is_some_and(|viewpoint| self.frame.height(&viewpoint) * self.frame.height(camera) < 0.0)
     }
 
-    /// The same region with what a sensor knows of it: places inside and outside of it, moved onto its plane.
+    /// The same region with labeled samples: places that a sensor measured inside and outside of it, moved onto its plane.
     ///
-    /// Where they are given, they decide of the pose, and the outline is a start.
+    /// With samples, the pose is inferred from them, and the outline gives starts.
     ///
     /// # Errors
     /// What [`Samples::new`] refuses, and samples of a surface that is not planar.
@@ -216,8 +216,8 @@ impl WorldRegion {
         Ok(Self { samples: Some(samples), ..self })
     }
 
-    /// The same region of which a sensor knows places on one line alone, as a single scan line crosses it: its plane may be any
-    /// through that line, and the outline says where to look.
+    /// The same region with labeled samples on one line alone, as of a single scan line: its plane may be any through that line,
+    /// and the outline gives starts.
     ///
     /// # Errors
     /// As of [`WorldRegion::with_samples`], and a sample off the line through those inside by more than a tenth of the extent.
@@ -241,12 +241,12 @@ impl WorldRegion {
         Ok(Self { samples: Some(samples), ..self })
     }
 
-    /// What a sensor knows of places on the plane.
+    /// Labeled samples of the plane.
     pub fn samples(&self) -> Option<&Samples> {
         self.samples.as_ref()
     }
 
-    /// Whether one line is all that is known of it, and its plane is not.
+    /// Whether its samples lie on one line, so that its plane may be any through that line.
     pub fn is_line(&self) -> bool {
         self.is_line
     }
@@ -281,7 +281,7 @@ impl WorldRegion {
         self.derived.edge_field(&self.outline)
     }
 
-    /// The outline's rings by fewer vertices, in plane coordinates, for a first look.
+    /// The outline's rings by fewer vertices, in plane coordinates, for coarse evaluations.
     pub(crate) fn coarse(&self) -> &[Vec<Vector2<f64>>] {
         self.derived.coarse(&self.outline)
     }

@@ -59,7 +59,7 @@ pub struct Search {
     /// How it was searched.
     pub(crate) options: Options,
     pub(crate) found: Candidates,
-    /// Where samples of regions are to be led from, about the problem's origin.
+    /// Starts of the inference from samples, about the problem's origin.
     pub(crate) starts: Vec<Pose>,
     /// Whether it made do with what it had found by the limit of its work.
     pub(crate) exhausted: bool,
@@ -68,7 +68,7 @@ pub struct Search {
 impl Problem {
     /// The poses that may be the answer; those found by the limit of its work where that is reached.
     ///
-    /// Samples that tell nothing at any of them change nothing: their regions are known by their outlines alone.
+    /// Regions whose samples are uninformative at all of them are compared by their outlines alone.
     pub fn search(&self, options: &Options) -> Search {
         let search = self.bounded_search(options);
         match search.with_informative_samples() {
@@ -80,8 +80,8 @@ impl Problem {
     fn bounded_search(&self, options: &Options) -> Search {
         let sketch = self.by_boundary();
         let first = sketch.as_ref().unwrap_or(self);
-        // Where samples decide of several regions, outlines are starts: to lead these on gains nothing. One alone may be disturbed so
-        // much that its moments lead nowhere near.
+        // Where several regions have samples, poses by outlines are starts: refining them gains nothing. A single outline may be
+        // disturbed so much that its moments have no minimum near the pose.
         let is_sampled = self.regions().len() > 1 && self.has_samples_on_all_edges();
         let refinement = if is_sampled { Refinement::Off } else { options.refinement };
         let options = Options { refinement, ..*options };
@@ -115,26 +115,26 @@ impl Problem {
         screen: &mut CandidateScreen,
         cache: &mut SingleRegionCache,
     ) -> Vec<Pose> {
-        let known = screen.prior_poses.clone();
+        let prior_poses = screen.prior_poses.clone();
         let explains = |pose: &Pose| screen.explains(pose);
-        let poses = moment_poses(self, &options.prior, &known, Starts::Likely, cache, explains);
+        let poses = moment_poses(self, &options.prior, &prior_poses, Starts::Likely, cache, explains);
         let cut = self.regions().iter().any(|region| region.border().is_some());
-        // Several regions that are disturbed are looked at further on their contours.
+        // Of several disturbed regions, candidates are refined on the contours.
         let enough = self.regions().len() > 1 && !cut && options.refinement == Refinement::Contour;
         match poses.first() {
             Some(pose) if enough || screen.explains(pose) => poses,
-            _ => moment_poses(self, &options.prior, &known, Starts::All, cache, |_| false),
+            _ => moment_poses(self, &options.prior, &prior_poses, Starts::All, cache, |_| false),
         }
     }
 
-    /// Where samples are led from: what is known beforehand, poses of centroids and closed forms of the regions with samples, as
-    /// they are, since their outlines may lead these astray, and those that the outlines gave.
-    fn starts(&self, known: &[Pose], found: &[Pose]) -> Vec<Pose> {
+    /// Starts of the inference from samples: poses of the prior, of centroids, and of the outlines, and closed forms of the regions
+    /// with samples, unrefined, since disturbed outlines may pull these away.
+    fn starts(&self, prior_poses: &[Pose], found: &[Pose]) -> Vec<Pose> {
         let closed = self.sampled().iter().flat_map(|sampled| {
             let (region, world) = (&self.regions()[sampled.index()], &self.worlds()[sampled.index()]);
             closed_form(region.chart(), region.outline(), world, self.origin())
         });
-        known.iter().copied().chain(centroid_poses(self)).chain(found.iter().copied()).chain(closed).collect()
+        prior_poses.iter().copied().chain(centroid_poses(self)).chain(found.iter().copied()).chain(closed).collect()
     }
 }
 
@@ -166,8 +166,8 @@ impl Search {
         Minimum { pose: self.problem.uncentered(&minimum.pose), ..minimum }
     }
 
-    /// The problem without the samples of regions that tell nothing at any pose that may be the answer by the outlines; `None` where
-    /// all regions' tell something.
+    /// The problem without the samples of regions that are uninformative at every candidate pose of the outlines; `None` where
+    /// those of all regions are informative.
     fn with_informative_samples(&self) -> Option<Problem> {
         let (problem, contours) = (&self.problem, self.problem.contours());
         if problem.sampled().is_empty() {

@@ -13,7 +13,7 @@ use regionpose::internals::equations::least_squares::Termination;
 use regionpose::internals::equations::system::Weighting;
 use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::internals::options::Options;
-use regionpose::internals::problem::MOST_LOOKS;
+use regionpose::internals::problem::MAX_EVALUATIONS;
 use regionpose::internals::verdict::coverage::overlap_errors;
 use regionpose::internals::view::chart::Chart;
 use regionpose::mesh::MOST_TRIANGLES;
@@ -237,7 +237,7 @@ fn a_search_beside_several_hundred_edges_is_bounded() {
     for (by, name) in [(along_border as fn(_, &mut _), "border"), (behind_edges, "hidden")] {
         let problem = beset(400, by);
         let (search, work) = budget::measured(|| problem.search(&Options::default()));
-        let most = MOST_LOOKS * problem.work();
+        let most = MAX_EVALUATIONS * problem.work();
         assert!(work < most + most / 10, "{name}: {work}, bound {most}");
         let minima = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
         let estimate = search.assess(minima).unwrap();
@@ -281,7 +281,11 @@ fn ordinary_searches_spend_a_part_of_what_they_may() {
     for (place, scene) in (1..4).map(scene).chain(discs).enumerate() {
         let problem = scene.problem(System::Plane, Integration::Boundary);
         let (estimate, work) = budget::measured(|| problem.estimate());
-        assert!(estimate.is_ok() && work < MOST_LOOKS / 2 * problem.work(), "{place}: {work} of {}", problem.work());
+        assert!(
+            estimate.is_ok() && work < MAX_EVALUATIONS / 2 * problem.work(),
+            "{place}: {work} of {}",
+            problem.work()
+        );
     }
 }
 

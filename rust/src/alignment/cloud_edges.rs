@@ -20,7 +20,7 @@ pub struct CloudEdges {
     across: Vec<Vector3<f64>>,
 }
 
-/// How a cloud is looked at for edges.
+/// How edges of a cloud are detected.
 #[derive(Debug, Clone, Copy)]
 pub struct EdgeOptions {
     /// Of points whose bearings differ by less, the nearest hides the others, rad.

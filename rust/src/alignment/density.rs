@@ -1,5 +1,5 @@
-//! What is known of a pose beforehand, as a density over poses: of the camera's place and directions alone, or about the pose that other
-//! evidence gives (`docs/math.md`, section 19).
+//! Prior densities of poses: of the camera's place and directions alone, or Student's about a pose by other evidence (`docs/math.md`,
+//! section 19).
 
 use std::f64::consts::PI;
 
@@ -8,7 +8,7 @@ use nalgebra::{Matrix6, Quaternion, Rotation3, SMatrix, SymmetricEigen, UnitQuat
 use crate::geometry::pose::Pose;
 use crate::prior::Prior;
 
-/// Degrees of freedom of Student's distribution of the error of a pose whose covariance is known but roughly.
+/// Degrees of freedom of Student's distribution of the error of a pose whose covariance is a rough estimate.
 pub const FREEDOM: f64 = 4.0;
 
 /// Nodes of the rule over scales: the logarithm of the mass is exact to 0.1 within three deviations, and to 0.3 at six.
@@ -26,11 +26,11 @@ const FREE_ANGLE: f64 = PI * PI / 3.0;
 /// A density of poses by their left increments, rad and meters.
 #[derive(Debug, Clone)]
 pub enum PoseDensity {
-    /// What a prior says; rotations that it says nothing of are all alike.
+    /// The density of a prior; uniform over rotations that it leaves free.
     Prior {
         /// Of the camera's place and directions.
         prior: Prior,
-        /// Logarithm of the integral of what it gives.
+        /// Logarithm of the integral of the unnormalized density.
         log_volume: f64,
     },
     /// Student's distribution of 4 degrees of freedom about a pose.
@@ -56,7 +56,7 @@ pub struct DensityAt {
 }
 
 impl PoseDensity {
-    /// That of a prior which says where the camera stands; `None` for others.
+    /// The density of a prior that bounds the camera's place; `None` for others.
     pub fn of_prior(prior: &Prior) -> Option<Self> {
         let at = Self::Prior { prior: *prior, log_volume: 0.0 }.at(&base_pose(prior, &[0.0; 3]));
         let eigen = SymmetricEigen::new(with_free_angles(prior, &at.information));
@@ -76,7 +76,7 @@ impl PoseDensity {
         Some(Self::Prior { prior: *prior, log_volume: log_volume + most })
     }
 
-    /// Student's about a pose with a covariance of its left increment; `None` for what is no covariance.
+    /// Student's density about a pose with a covariance of its left increment; `None` for a matrix that is no covariance.
     pub fn student(pose: Pose, covariance: &Matrix6<f64>) -> Option<Self> {
         let root = covariance.cholesky()?;
         let log_height = log_gamma_ratio() - 3.0 * (FREEDOM * PI).ln() - root.l().diagonal().map(f64::ln).sum();
@@ -102,7 +102,7 @@ impl PoseDensity {
         let along = eigen.eigenvectors.tr_mul(&way);
         let of_scale = |[scale, weight]: [f64; 2]| {
             let factors = eigen.eigenvalues.iter().zip(along.iter()).map(|(curved, off)| {
-                // The likelihood's own maximum, beyond that with the density, is not looked at: taken to be at most e times as high.
+                // The likelihood's own maximum lies beyond the joint one and is not evaluated: taken to be at most e times as high.
                 let together = curved.max(0.5 * (pull * off).powi(2)) + scale;
                 0.5 * ((scale / together).ln() + (off * (pull - scale)).powi(2) / together)
             });
@@ -113,7 +113,7 @@ impl PoseDensity {
         Some(most + logs.iter().map(|log| (log - most).exp()).sum::<f64>().ln())
     }
 
-    /// What it is at a pose.
+    /// Its logarithm, slope and information at a pose.
     pub fn at(&self, pose: &Pose) -> DensityAt {
         match self {
             Self::Prior { prior, log_volume } => {
@@ -146,14 +146,14 @@ impl PoseDensity {
 #[derive(Debug, Clone)]
 pub struct Sampler {
     density: PoseDensity,
-    /// From a base pose to the middle of what is known beside it.
+    /// Increment from a base pose to the mean of the density's normal part.
     mean: Vector6<f64>,
     /// Increments of one deviation each, as columns; none along what is open, which the base pose has.
     root: Matrix6<f64>,
 }
 
 impl Sampler {
-    /// That of a density.
+    /// The sampler of a density.
     pub fn new(density: PoseDensity) -> Self {
         let (factor, least) = match &density {
             PoseDensity::Prior { prior, .. } => (prior.gaussian(&base_pose(prior, &[0.0; 3])), OPEN),
@@ -169,7 +169,7 @@ impl Sampler {
         Self { density, mean: root * (root.transpose() * factor.information_vector), root }
     }
 
-    /// The pose of some numbers: `uniform` ones from 0 to 1 for what may be any, `normal` ones for the rest.
+    /// The pose of a draw: `uniform` deviates from 0 to 1 for free angles, `normal` ones for the rest.
     pub fn pose(&self, uniform: &[f64; 3], normal: &[f64; 6]) -> Pose {
         let base = match &self.density {
             PoseDensity::Prior { prior, .. } => base_pose(prior, uniform),
@@ -184,7 +184,7 @@ impl Sampler {
     }
 }
 
-/// What a prior leaves entirely open.
+/// The rotation that a prior leaves free.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Free {
     Nothing,
@@ -204,7 +204,7 @@ impl Free {
     }
 }
 
-/// A pose as a prior has it, but for what is known only up to normal deviations.
+/// The center of a prior, with free angles drawn uniformly; normal deviations come on top.
 fn base_pose(prior: &Prior, uniform: &[f64; 3]) -> Pose {
     let rotation = match (Free::of(prior), prior.initial, prior.up) {
         (Free::Nothing, Some(initial), _) => initial.rotation,
@@ -220,14 +220,14 @@ fn base_pose(prior: &Prior, uniform: &[f64; 3]) -> Pose {
     Pose::new(rotation, -(rotation * center))
 }
 
-/// A rotation, all of which are alike if the numbers are even from 0 to 1 (Shoemake, Uniform random rotations, 1992).
+/// A uniformly distributed rotation, of three uniform deviates from 0 to 1 (Shoemake, Uniform random rotations, 1992).
 fn uniform_rotation(&[a, b, c]: &[f64; 3]) -> Rotation3<f64> {
     let (low, high) = ((1.0 - a).sqrt(), a.sqrt());
     let ((i, j), (k, w)) = ((2.0 * PI * b).sin_cos(), (2.0 * PI * c).sin_cos());
     UnitQuaternion::new_normalize(Quaternion::new(high * w, low * i, low * j, high * k)).to_rotation_matrix()
 }
 
-/// The information of a prior, and as much as nothing of angles that may be any.
+/// The information of a prior, completed by that of a uniform angle where an angle is free.
 fn with_free_angles(prior: &Prior, information: &Matrix6<f64>) -> Matrix6<f64> {
     let free = Free::of(prior);
     let mut whole = *information;
@@ -246,7 +246,7 @@ fn with_free_angles(prior: &Prior, information: &Matrix6<f64>) -> Matrix6<f64> {
     whole
 }
 
-/// The inverse of a matrix without what is zero.
+/// The pseudoinverse of a symmetric matrix.
 fn eigen_inverse(eigen: &SymmetricEigen<f64, nalgebra::Const<6>>) -> Matrix6<f64> {
     let open = OPEN * eigen.eigenvalues.amax();
     let inverse = eigen.eigenvalues.map(|value| if value > open { value.recip() } else { 0.0 });

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 
 use crate::math::lanes::{NullaryFnOnce, vectorized};
 
-/// Directions around a point in each of which its nearest neighbor is looked for: pairs of opposite ones, 45 degrees wide.
+/// Sectors around a point in each of which its nearest neighbor is found: pairs of opposite ones, 45 degrees wide.
 const SECTORS: usize = 8;
 
 /// A neighbor on the near side may be so many times nearer than the one beyond the step: plain extrapolation past that

@@ -12,7 +12,7 @@ use crate::budget;
 use crate::geometry::pose::Pose;
 use crate::math::lanes::{NullaryFnOnce, vectorized};
 
-/// Edges that are looked at by each spread, from wide to narrow, of a cloud all around: those of wide ones overlap, and say the same.
+/// Edges evaluated at each spread, from wide to narrow, of a cloud all around: at wide ones neighbors overlap, and are redundant.
 pub const MOST_EDGES: [usize; SPREADS] = [3_000, 6_000, 12_000, 24_000];
 
 /// Spreads of edges in a photo, from what a draw of the pose may be off to what edges of a scan are, pixels: standard deviations of
@@ -99,7 +99,7 @@ impl Frame {
     }
 }
 
-/// The sum of log likelihood ratios at a pose, how many edges the photo shows, and how many were looked at.
+/// The sum of log likelihood ratios at a pose, how many edges the photo shows, and how many were evaluated.
 struct Sum<'a> {
     frame: &'a Frame,
     pose: &'a Pose,
@@ -125,7 +125,7 @@ impl NullaryFnOnce for Sum<'_> {
     }
 }
 
-/// Fills in the edges that are seen from a pose; how many were looked at.
+/// Fills in the edges that are seen from a pose, and counts those evaluated.
 struct Find<'a, 'b> {
     pose: &'a Pose,
     seen: &'a mut SeenEdges<'b>,

@@ -1,5 +1,4 @@
-//! What the edges of a scene say of a pose: those of a cloud, and how far these lie on the edges of a photo (`docs/math.md`, sections
-//! 18 and 19).
+//! Pose estimation by edge alignment: edges of a cloud against the edges of a photo (`docs/math.md`, sections 18 and 19).
 
 pub mod blur;
 pub mod cloud_edges;

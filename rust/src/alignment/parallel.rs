@@ -15,7 +15,7 @@ pub(super) fn mapped<T: Sync, A: Send>(
 ) -> Result<Vec<A>> {
     let chunks: Vec<&[T]> = items.chunks(CHUNK).collect();
     let all = |chunk: &&[T]| {
-        // Chunks are shorter than what work is done between two questions, and each begins to count anew.
+        // A chunk is shorter than the interval between two polls, and each has a counter of its own.
         budget::poll(usize::MAX);
         Ok(chunk.iter().map(&work).collect::<Vec<A>>())
     };

@@ -3,7 +3,7 @@
 
 use super::groups::{Floats, GROUP, Numbers, ZEROS, whole};
 
-/// Directions across which edges are told apart, 45 degrees apart.
+/// Number of edge orientations, 45 degrees apart.
 pub const DIRECTIONS: usize = 4;
 
 /// The tangent of an eighth of half a turn: where one direction ends and the next begins.

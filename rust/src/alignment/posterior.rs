@@ -7,15 +7,15 @@ use super::descent::{Ends, minimum};
 use super::frame::{FINEST, Frame, SPREADS_PX, SeenEdges};
 use crate::geometry::pose::{Pose, increment_derivative};
 
-/// Least curvature of the log posterior, in units of what the prior and [`WIDEST_PX`] say together: no direction is known much worse than
-/// beforehand, and no maximum is wider than that by which poses are led to it.
+/// Least curvature of the log posterior, relative to that of the prior and [`WIDEST_PX`] together: no direction is much less certain
+/// than in the prior, and no maximum is wider than the spread of the edges that poses are refined with.
 const LEAST_CURVATURE: f64 = 0.2;
 
-/// Move of the edges within which poses are led to a maximum, pixels: the widest spread of which they are.
+/// Move of the edges within which poses are refined to a maximum, pixels: the widest spread of a refinement.
 const WIDEST_PX: f64 = 8.0;
 
-/// Longest steps that tell the curvature, in the prior's deviations and in the finest spread: a bell's curvature is told an eighth too
-/// small by half its deviation, and by steps of several of them as none.
+/// Longest steps of the finite differences of the curvature, in the prior's deviations and in the finest spread: a step of half a
+/// Gaussian's deviation makes its curvature an eighth too small, and one of several deviations makes it zero.
 const STEP_UNITS: f64 = 0.1;
 const STEP_SPREADS: f64 = 0.5;
 
@@ -23,19 +23,19 @@ const STEP_SPREADS: f64 = 0.5;
 /// Values between pixels have kinks, at which slopes do not vanish.
 const ENDS: Ends = Ends { flat: 0.02, gain: 1e-3, tries: 10, steps: 100 };
 
-/// Ends of one that only leads on to a finer spread.
+/// Ends of a descent that only starts the next one, at a finer spread.
 const COARSE_ENDS: Ends = Ends { flat: 0.1, gain: 0.05, tries: 10, steps: 20 };
 
-/// The log density of poses by frames that share the pose, and by what is known beforehand.
+/// The log posterior density of a pose that frames share.
 #[derive(Debug, Clone)]
 pub struct Posterior<'a> {
     /// Photos and clouds.
     pub frames: &'a [Frame],
     /// What edges of each count.
     pub weights: Vec<Weight>,
-    /// The number of the spread by which they are looked at.
+    /// Index of the spread of their edges.
     pub spread: usize,
-    /// What is known beforehand.
+    /// The prior density.
     pub density: &'a PoseDensity,
 }
 
@@ -44,7 +44,7 @@ pub struct Posterior<'a> {
 pub enum Weight {
     /// The sum of their log likelihood ratios by a share of it, since neighbors show the same.
     Share(f64),
-    /// The log odds that the sum leads those of wrong poses by some deviations rather than by none, but for a constant.
+    /// The log odds that the sum exceeds those of wrong poses by some deviations rather than by none, but for a constant.
     Lead {
         /// Mean log likelihood ratio of an edge at wrong poses.
         offset: f64,
@@ -54,7 +54,7 @@ pub enum Weight {
 }
 
 impl Weight {
-    /// The log likelihood ratio of an edge that says nothing, and how often the others count where so many are seen.
+    /// The log likelihood ratio of an uninformative edge, and the weight of an edge where so many are seen.
     fn of(&self, count: usize) -> [f64; 2] {
         match *self {
             Self::Share(share) => [0.0, share],
@@ -90,7 +90,7 @@ impl Posterior<'_> {
         self.density.at(pose).value + ratios.sum::<f64>()
     }
 
-    /// The maximum that a pose leads to, and the log density there.
+    /// The local maximum reached from a pose, and the log density there.
     pub fn maximum(&self, pose: &Pose) -> (Pose, f64) {
         let local = Local::new(self, *pose);
         let Some(root) = local.root() else { return (*pose, f64::NEG_INFINITY) };
@@ -122,8 +122,8 @@ impl Posterior<'_> {
             curvature.set_column(way, &(ways.tr_mul(&(slope(-1.0) - slope(1.0))) * 0.5));
         }
         let curvature = back * (curvature + curvature.transpose()) * 0.5 * back.transpose();
-        let known = regular(&(prior + squares / (WIDEST_PX * WIDEST_PX))).cholesky()?;
-        let root = known.l().try_inverse()?.transpose();
+        let widest = regular(&(prior + squares / (WIDEST_PX * WIDEST_PX))).cholesky()?;
+        let root = widest.l().try_inverse()?.transpose();
         let eigen = SymmetricEigen::new(root.tr_mul(&(curvature * root)));
         let values = eigen.eigenvalues.map(|value| value.max(LEAST_CURVATURE));
         let half = root * eigen.eigenvectors * Matrix6::from_diagonal(&values.map(|value| value.sqrt().recip()));
@@ -142,8 +142,7 @@ impl Posterior<'_> {
     }
 }
 
-/// Information that every direction has, rad^-2 and m^-2: that of an angle that may be any, beyond which there are none, and of
-/// kilometers, which numbers bear.
+/// Information added along every direction, rad^-2 and m^-2: that of a uniform angle, and of a kilometer.
 const OPEN: [f64; 2] = [3.0 / (std::f64::consts::PI * std::f64::consts::PI), 1e-6];
 
 /// A posterior by the edges that are seen from one pose.
@@ -151,7 +150,7 @@ struct Local<'a> {
     posterior: &'a Posterior<'a>,
     pose: Pose,
     seen: Vec<SeenEdges<'a>>,
-    /// Of each frame: the log likelihood ratio that says nothing, and how often the others count.
+    /// Of each frame: the log likelihood ratio of an uninformative edge, and the weight of an edge.
     weights: Vec<[f64; 2]>,
     /// Mean squares of moves in the photo, pixels, summed over the frames.
     squares: Matrix6<f64>,
@@ -174,8 +173,8 @@ impl<'a> Local<'a> {
     /// The log density at a left increment of the pose, and its slope by increments there.
     fn at(&self, increment: &Vector6<f64>) -> (f64, Vector6<f64>) {
         let pose = self.pose.retract(increment);
-        let known = self.posterior.density.at(&pose);
-        let (mut value, mut slope) = (known.value, known.slope);
+        let prior = self.posterior.density.at(&pose);
+        let (mut value, mut slope) = (prior.value, prior.slope);
         for (seen, [offset, scale]) in self.seen.iter().zip(&self.weights) {
             let (ratio, by_increment) = seen.log_ratio(&pose, *offset);
             value += scale * ratio;
@@ -184,16 +183,16 @@ impl<'a> Local<'a> {
         (value, slope)
     }
 
-    /// Increments, as columns, of about a spread of the edges or a deviation of the prior; `None` where nothing is known at all.
+    /// Increments, as columns, of about a spread of the edges or a deviation of the prior; `None` where a direction has no information.
     fn root(&self) -> Option<Matrix6<f64>> {
-        let known = self.posterior.density.at(&self.pose).information;
-        let unit = known + self.squares / SPREADS_PX[self.posterior.spread].powi(2);
+        let prior = self.posterior.density.at(&self.pose).information;
+        let unit = prior + self.squares / SPREADS_PX[self.posterior.spread].powi(2);
         let root = regular(&unit).cholesky()?.l();
         root.try_inverse().map(|inverse| inverse.transpose())
     }
 }
 
-/// A matrix that is nowhere next to zero.
+/// The matrix plus the information [`OPEN`], so that it is regular.
 fn regular(matrix: &Matrix6<f64>) -> Matrix6<f64> {
     let [turn, place] = OPEN;
     matrix + Matrix6::from_diagonal(&Vector6::new(turn, turn, turn, place, place, place))

@@ -14,7 +14,7 @@ const CELLS: [usize; 5] = [16, 32, 64, 128, 256];
 /// narrowest spread of edges that are compared.
 const TOLERANCE_PX: f64 = 0.1;
 
-/// Error beyond which a cell of the finest table shows a seam, such as where a panorama begins anew, pixels.
+/// Error beyond which a cell of the finest table shows a seam, such as where a panorama wraps around, pixels.
 const SEAM_PX: f64 = 1.0;
 
 /// Where a camera sees bearings, pixels: exact at the nodes of a grid on each face of a cube, bilinear between them.

@@ -1,5 +1,5 @@
-//! The search of a pose by the edges of photos and clouds, from what is known beforehand to the maxima of the posterior
-//! (`docs/math.md`, section 19).
+//! Multi-start search of a pose by the edges of photos and clouds: draws from the prior, refined to maxima of the posterior from coarse
+//! to fine spreads (`docs/math.md`, section 19).
 
 use std::f64::consts::{PI, TAU};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -18,7 +18,7 @@ use crate::geometry::pose::Pose;
 pub struct SearchOptions {
     /// Poses that are drawn.
     pub draws: usize,
-    /// How many of the best by each spread but the finest are led to maxima by the next one.
+    /// How many of the best at each spread but the finest are refined at the next one.
     pub kept: [usize; FINEST],
     /// Threads; all cores for `None`.
     pub threads: Option<usize>,
@@ -67,7 +67,7 @@ const STEPS: usize = FINEST + 1;
 /// The work of a pose in each step, that of a draw being 1: measured on one and on three frames of 64 rings.
 const WORK: [u64; STEPS] = [1, 90, 190, 1400];
 
-/// Poses whose edges lie as far apart as this, in spreads, as a root mean square, lead to different maxima.
+/// Root mean square distance of the edges of two poses, in spreads, from which on they count as different maxima.
 const APART: f64 = 0.5;
 
 /// Turn, rad, that moves the edges of any photo by more than that.
@@ -76,12 +76,12 @@ const FAR_TURN: f64 = 0.2;
 /// Turns of null poses from drawn ones, rad: beyond what a pose may be off, to like parts of the photo.
 const TURNED: [f64; 2] = [3.0 / 180.0 * PI, 8.0 / 180.0 * PI];
 
-/// Number of null poses, of all directions and about one pose: a variance is known by them to a tenth, and to an eighth.
+/// Number of null poses, of all directions and about one pose: they estimate a variance to a tenth, and to an eighth.
 const NULLS: usize = 256;
 const LOCAL_NULLS: usize = 128;
 const RANKING_NULLS: usize = 32;
 
-/// By how many deviations true poses lead wrong ones: by 2 to 6 on frames of cars, at spreads of 16 and 8 pixels.
+/// By how many deviations the sums of true poses exceed those of wrong ones: by 2 to 6 on frames of cars, at spreads of 16 and 8 pixels.
 const LEAD: f64 = 3.0;
 
 /// The maxima of the posterior of the pose that frames share, that of the largest mass first, from nothing but a density of poses and some
@@ -112,8 +112,12 @@ pub fn search_with_progress(
     let numbers: Vec<usize> = (0..options.draws).collect();
     let threads = options.threads;
     // Draws are evenly spread, and ranked alone: maxima by the widest spread may be a degree off.
-    let posterior =
-        Posterior { frames, weights: leads(&Sums::at(frames, &turned(&nulls), 0, threads)?), spread: 0, density };
+    let posterior = Posterior {
+        frames,
+        weights: log_odds_weights(&Sums::at(frames, &turned(&nulls), 0, threads)?),
+        spread: 0,
+        density,
+    };
     let mut drawn = mapped(&numbers, threads, |number| {
         let pose = drawn(&sampler, *number);
         progress.count(0);
@@ -124,16 +128,16 @@ pub fn search_with_progress(
         starts.iter().copied().chain(drawn.into_iter().map(|(pose, _)| pose).take(options.kept[0])).collect();
     for spread in 1..FINEST {
         pass_missing(spread, held.len());
-        let weights = leads(&Sums::at(frames, &turned(&nulls), spread, threads)?);
+        let weights = log_odds_weights(&Sums::at(frames, &turned(&nulls), spread, threads)?);
         let posterior = Posterior { frames, weights, spread, density };
-        // How much a sum tells depends on where one looks, so they are ranked by null poses about each.
-        let led = mapped(&held, threads, |pose| {
+        // The null distribution of a sum depends on the pose, so poses are ranked by null poses about each.
+        let refined = mapped(&held, threads, |pose| {
             let (pose, _) = posterior.maximum(pose);
             progress.count(spread);
-            let weights = leads(&Sums::here(frames, &turned(&[pose; RANKING_NULLS]), spread));
+            let weights = log_odds_weights(&Sums::here(frames, &turned(&[pose; RANKING_NULLS]), spread));
             (pose, Posterior { weights, ..posterior.clone() }.log_density(&pose))
         })?;
-        held = distinct(&posterior, led, options.kept[spread], threads)?;
+        held = distinct(&posterior, refined, options.kept[spread], threads)?;
     }
     pass_missing(FINEST, held.len());
     let found = mapped(&held, threads, |pose| {
@@ -144,14 +148,14 @@ pub fn search_with_progress(
         mode
     })?;
     let modes: Vec<Mode> = found.into_iter().flatten().collect();
-    let led = modes.iter().map(|mode| (mode.pose, mode.log_mass)).collect();
+    let scored = modes.iter().map(|mode| (mode.pose, mode.log_mass)).collect();
     let whole = Posterior { frames, weights: vec![Weight::Share(0.0); frames.len()], spread: FINEST, density };
-    let apart = distinct(&whole, led, modes.len(), threads)?;
+    let apart = distinct(&whole, scored, modes.len(), threads)?;
     let at = |pose: &Pose| modes.iter().find(|mode| mode.pose == *pose).copied();
     Ok(apart.iter().filter_map(at).collect())
 }
 
-/// The likeliest so many of some poses that are apart from one another.
+/// Non-maximum suppression: the likeliest poses, at most `most`, that differ by more than [`APART`].
 fn distinct(
     posterior: &Posterior<'_>,
     mut held: Vec<(Pose, f64)>,
@@ -167,7 +171,7 @@ fn distinct(
     let made = mapped(candidates, threads, |(pose, _)| posterior.metric(pose))?;
     for ((pose, _), metric) in candidates.iter().zip(made) {
         let is_new = kept.iter().zip(&metrics).all(|(other, metric)| {
-            // Most are told apart by this alone.
+            // This alone distinguishes most pairs.
             pose.angle_to(other) > FAR_TURN || {
                 let way = other.local_coordinates(pose);
                 way.dot(&(metric * way)) > APART * APART
@@ -208,9 +212,9 @@ impl Sums {
     }
 }
 
-/// Weights by which frames are compared at poses of all directions, of sums by null poses: the log odds that a sum leads those of wrong
-/// poses by [`LEAD`] deviations rather than by none. Variances grow with the number of edges.
-fn leads(sums: &Sums) -> Vec<Weight> {
+/// Weights of frames that make sums the log odds that they exceed those of wrong poses by [`LEAD`] deviations rather than by none, by the
+/// sums at null poses of all directions. Variances grow with the number of edges.
+fn log_odds_weights(sums: &Sums) -> Vec<Weight> {
     let weight = |frame: usize| {
         let of_frame = || sums.of_frame(frame).filter(|(_, count)| *count > 0);
         let edges: usize = of_frame().map(|(_, count)| count).sum();
@@ -223,7 +227,7 @@ fn leads(sums: &Sums) -> Vec<Weight> {
 }
 
 /// Weights by which the likelihood ratio of each frame is 1 on the mean over null poses, and so is that of all frames (eq. 18.3): those
-/// that show the same, as of a rig that stands still, count together as often as they tell something new.
+/// that are redundant, as of a rig that stands still, are weighted down together.
 fn shares(sums: &Sums) -> Vec<Weight> {
     let shares: Vec<f64> = (0..sums.frames()).map(|frame| share_of(sums.of_frame(frame).map(|(sum, _)| sum))).collect();
     let together = sums.0.iter().map(|sums| sums.iter().zip(&shares).map(|((sum, _), share)| sum * share).sum());
@@ -244,7 +248,7 @@ fn base(sampler: &Sampler, starts: &[Pose], draws: usize, number: usize) -> Pose
     if draws == 0 && !starts.is_empty() { starts[number % starts.len()] } else { drawn(sampler, number) }
 }
 
-/// Poses turned so far that chance rules.
+/// Null poses: given ones, turned beyond any plausible error.
 fn turned(poses: &[Pose]) -> Vec<Pose> {
     poses.iter().enumerate().map(|(number, pose)| turned_by(pose, number)).collect()
 }

@@ -196,20 +196,20 @@ impl Edges {
         Self { boxes: all.chunks(GROUP).map(EdgeBox::of).collect(), all }
     }
 
-    /// The first of the edges nearest to a point; a box farther than one that was found holds none. Counts what it looks at.
+    /// The first of the edges nearest to a point; a box farther than one that was found holds none. Charges the edges it evaluates.
     pub(super) fn nearest(&self, point: &Vector2<f64>) -> usize {
-        let (mut best, mut looked) = ((f64::INFINITY, 0), self.boxes.len());
+        let (mut best, mut evaluated) = ((f64::INFINITY, 0), self.boxes.len());
         for (group, (edges, around)) in self.all.chunks(GROUP).zip(&self.boxes).enumerate() {
             if around.square(point) > best.0 {
                 continue;
             }
-            looked += edges.len();
+            evaluated += edges.len();
             for (place, edge) in edges.iter().enumerate() {
                 let square = edge.offset(point).1.norm_squared();
                 best = if square < best.0 { (square, group * GROUP + place) } else { best };
             }
         }
-        budget::charge(looked);
+        budget::charge(evaluated);
         best.1
     }
 }

@@ -88,10 +88,11 @@ fn scatter(rows: &Rows<'_>, inverse: &Matrix6<f64>) -> Matrix6<f64> {
         let single = factor * pulls[index] * pulls[index] + floor * square;
         [single, square * (row.reading.distance * row.reading.distance + floor)]
     });
-    let telling = residual_dof(rows.contours, rows.step);
+    let degrees_of_freedom = residual_dof(rows.contours, rows.step);
     let variance = corners_variance(rows) * straightness(&rows.all, &rests, &sides);
-    // Four corners fit many a pose closely: what is left of so few says little of how far off they are.
-    let variance = ((telling - PRIOR_OBSERVATIONS) * variance + PRIOR_OBSERVATIONS * WITHIN_PIXEL) / telling;
+    // Four corners fit many a pose closely: the residuals of so few hardly constrain their noise.
+    let variance =
+        ((degrees_of_freedom - PRIOR_OBSERVATIONS) * variance + PRIOR_OBSERVATIONS * WITHIN_PIXEL) / degrees_of_freedom;
     let scatter = single + corners_scatter(rows, &sides, variance);
     // A side that is off as a whole is two measurements, whatever the number of its pieces.
     let alike = (inverse * scatter).trace() / (inverse * independent).trace().max(f64::MIN_POSITIVE);
@@ -104,17 +105,17 @@ fn scatter(rows: &Rows<'_>, inverse: &Matrix6<f64>) -> Matrix6<f64> {
 
 impl<'a> Rows<'a> {
     fn at(contours: &'a [Contour], fit: &ContourFit) -> Option<Self> {
-        // Where a few pieces lie within the floor, that is the noise, and all of them say no more.
+        // Where a few pieces lie within the floor, that is the noise, and all of them add no information.
         let step = if fit.root_mean_square() < NOISE_FLOOR { fit.step() } else { 1 };
         let counts: Vec<usize> = contours.iter().map(|contour| contour.count(step)).collect();
         let count = counts.iter().sum();
         let (mut all, mut derivatives) = (Vec::with_capacity(count), Vec::with_capacity(count));
         let mixture = &fit.mixture;
         let ratio = (mixture.sigma / mixture.outlier_sigma).powi(2);
-        for ((region, known), contour) in fit.regions().zip(contours) {
+        for ((region, readings), contour) in fit.regions().zip(contours) {
             let odds = mixture.odds(region);
-            let known = (fit.step() == step).then_some(known);
-            contour.for_each_row(&fit.pose, step, known, fit.outlier_threshold(), |reading, derivative, run| {
+            let readings = (fit.step() == step).then_some(readings);
+            contour.for_each_row(&fit.pose, step, readings, fit.outlier_threshold(), |reading, derivative, run| {
                 let (clean, weight) = odds.clean_and_weight(&reading);
                 // The weight falls as the piece's chance to be clean does.
                 let fall = clean * (1.0 - clean) * (1.0 - ratio).powi(2) * (reading.distance / mixture.sigma).powi(2);

@@ -18,7 +18,7 @@ use crate::region::WorldRegion;
 const SIGMA: f64 = 1.5;
 
 /// Share of shared edges that are none of the planes', such as a roof's that stands over, and how far off these are, pixels:
-/// what was said of disturbed parts of contours, of a region some 200 pixels across.
+/// as of disturbed parts of contours, of a region some 200 pixels across.
 const DOUBTFUL: f64 = 0.03;
 const WIDE: f64 = 20.0;
 
@@ -28,7 +28,7 @@ const SHARED: f64 = 5.0;
 /// Length, pixels, from which an edge is shared: its ends, off by 1.5 px each, then turn it by 6 degrees (1 sigma).
 const SHORTEST: f64 = 20.0;
 
-/// Sine of the angle between planes (20 degrees) from which their line is known: its place errs by theirs over the
+/// Sine of the angle between planes (20 degrees) from which on their line counts as determined: its place errs by theirs over the
 /// sine.
 const APART: f64 = 0.34;
 
@@ -171,7 +171,7 @@ impl Crease {
     }
 
     /// The crease at a pose as a Gaussian factor of its left increment, with the value and the slope of a mixture of an edge that
-    /// is the planes' and one that is not; one that says nothing where the line passes through the camera.
+    /// is the planes' and one that is not; uninformative where the line passes through the camera.
     #[doc(hidden)]
     pub fn gaussian(&self, pose: &Pose) -> Gaussian {
         let mut factor = Gaussian::default();

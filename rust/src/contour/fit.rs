@@ -17,24 +17,24 @@ use crate::math::gaussian::Gaussian;
 /// The finest scale, in pixels: pieces of a binary mask's contour scatter by 0.15 to 0.25.
 pub const FINEST_SCALE: f64 = 0.25;
 
-/// Distance, pixels, within which a piece speaks for a pose that is not refined: that of corners' noise.
+/// Scale of inliers at a pose that is not refined, pixels: that of corners' noise.
 const ROUGH: f64 = 3.0;
 
-/// How far off disturbed pieces are then taken to lie, as a share of a region's size: as far as a hidden part reaches.
+/// Scale of outliers there, as a share of a region's size: as far as a hidden part reaches.
 const FAR_OFF: f64 = 0.25;
 
 /// The first scale over the distance within which half of the pieces lie: the standard deviation of a normal distribution with
 /// that median is 1.48 times as large, and nothing is to be given up yet.
 const FIRST_SCALE: f64 = 2.2;
 
-/// Gauss-Newton steps from one reading of the nearest edges to the next at most: from 10 degrees off one step leads back less often
+/// Gauss-Newton steps from one reading of the nearest edges to the next at most: from 10 degrees off one step converges less often
 /// than two (`cargo test directions::`), and a third takes a tenth more time. And such rounds at the finest scale: a convention.
 const STEPS: usize = 2;
 const LAST_ROUNDS: usize = 8;
 
 /// A step that moves the boundary by less than this share of the pieces' distances, in the mean square, ends the iteration: a
-/// tenth of what a thousand pieces tell.
-const SETTLED: f64 = 3e-3;
+/// tenth of the resolution of a thousand pieces.
+const CONVERGED: f64 = 3e-3;
 
 /// Halvings of a step that takes a region out of view: a convention.
 const HALVINGS: i32 = 6;
@@ -43,10 +43,10 @@ const HALVINGS: i32 = 6;
 const LONGEST_STEP: f64 = 0.1;
 
 /// Added to the diagonal of the normal equations, as a share of it, so that a free direction stays where it is: above
-/// their rounding, below what any piece tells.
+/// their rounding, below the information of any piece.
 const RIDGE: f64 = 1e-9;
 
-/// A piece is astray at this many standard deviations of the clean ones; a clean contour has such pieces at corners alone.
+/// A piece is an outlier at this many standard deviations of the clean ones; a clean contour has such pieces at corners alone.
 const OUTLIER_SIGMAS: f64 = 4.0;
 const MAX_OUTLIER_FRACTION: f64 = 0.02;
 
@@ -116,7 +116,7 @@ impl ContourFit {
         (squares / self.readings.len().max(1) as f64).sqrt()
     }
 
-    /// The distance beyond which a piece is astray, pixels.
+    /// The distance beyond which a piece is an outlier, pixels.
     #[doc(hidden)]
     pub fn outlier_threshold(&self) -> f64 {
         OUTLIER_SIGMAS * self.mixture.sigma
@@ -157,7 +157,7 @@ impl ContourFit {
             return self.step as f64 * clean.sum::<f64>();
         }
         let clean = self.clean();
-        // A region that is disturbed as a whole says nothing of how long the disturbances are.
+        // A region that is disturbed as a whole has no information on the length of disturbances.
         let about_mean: Vec<f64> = split(clean, &self.counts).flat_map(centered).collect();
         clean.len() as f64 / correlation(&about_mean, &self.counts).max(1.0)
     }
@@ -205,9 +205,9 @@ impl ContourFit {
     }
 
     /// How much worse another pose fits the same pieces, in variances (`docs/math.md`, eq. 11.7): twice the ratio of the log
-    /// likelihoods, of no more pieces than there are `numbers` that tell of the noise, or what is left of that where chance may have
-    /// decided. Where regions belong to one of both poses alone, more regions decide, not longer contours, and of as many on either
-    /// side those that lie farther off at the other pose.
+    /// likelihoods, of no more pieces than there are degrees of freedom of the noise (`numbers`), bounded where the
+    /// difference may be chance. Where regions belong to one of both poses alone, more regions decide, not longer contours, and of
+    /// as many on either side those that lie farther off at the other pose.
     #[doc(hidden)]
     pub fn deviance_to(&self, other: &Self, numbers: f64) -> f64 {
         let preferences = self.region_preferences(other);
@@ -318,7 +318,7 @@ pub fn refined(contours: &[Contour], start: &Pose, step: usize) -> Option<Contou
     refined_from(contours, start, step, readings, scale)
 }
 
-/// The same from a fit to fewer pieces, from whose own scatter the scale falls: what is astray there stays so.
+/// The same from a fit to fewer pieces, from whose own scatter the scale falls: outliers there stay so.
 pub fn refined_again(contours: &[Contour], fit: &ContourFit, step: usize) -> Option<ContourFit> {
     let readings = Readings::at(contours, &fit.pose, step)?;
     refined_from(contours, &fit.pose, step, readings, fit.outlier_threshold())
@@ -346,10 +346,10 @@ fn refined_from(
         let last = !(scale > FINEST_SCALE && scale.is_finite());
         // Of a few pieces the place is not final.
         for _ in 0..if last && step == 1 { LAST_ROUNDS } else { 1 } {
-            let (next, settled) = stepped(contours, pose, step, &readings, &mixture);
+            let (next, converged) = stepped(contours, pose, step, &readings, &mixture);
             readings = Readings::at(contours, &next, step)?;
             pose = next;
-            if settled {
+            if converged {
                 break;
             }
         }
@@ -375,7 +375,7 @@ fn stepped(contours: &[Contour], start: Pose, step: usize, readings: &Readings, 
         let Some(increment) = gauss_newton(&equations) else { return (pose, true) };
         let Some(next) = advanced(contours, &pose, &increment) else { return (pose, true) };
         pose = next;
-        if increment.dot(&(equations.information * increment)) <= SETTLED * SETTLED * equations.cost {
+        if increment.dot(&(equations.information * increment)) <= CONVERGED * CONVERGED * equations.cost {
             return (pose, number == 0);
         }
     }

@@ -23,7 +23,7 @@ pub fn log_odds(fit: &ContourFit) -> Vec<f64> {
     let cleanest = greatest_of_others(&shares);
     let odds = |(region, pieces): (usize, usize)| {
         let Some(own) = cleanest[region].map(|cleanest| MOSTLY * cleanest) else { return f64::INFINITY };
-        // Where nothing is found, nothing is known of what belongs together.
+        // Where no region is found, the odds are even.
         let own = if own < LEAST_OWN { BY_CHANCE } else { own };
         let [clean, disturbed] = [own / BY_CHANCE, (1.0 - own) / (1.0 - BY_CHANCE)].map(f64::ln);
         independent * pieces as f64 * (shares[region] * clean + (1.0 - shares[region]) * disturbed)

@@ -3,7 +3,7 @@
 
 use super::readings::Reading;
 
-/// Least distance that is told from zero, pixels, and the ratio of neighboring bins, far finer than the scales:
+/// Least distance that is distinguished from zero, pixels, and the ratio of neighboring bins, far finer than the scales:
 /// conventions.
 const FIRST_BIN: f64 = 0.05;
 const BIN_RATIO: f64 = 1.2;
@@ -69,7 +69,7 @@ impl Mixture {
         log_sum((1.0 - disturbed) * density(square, self.sigma), disturbed * density(square, self.outlier_sigma))
     }
 
-    /// What tells a region's clean pieces from its disturbed ones.
+    /// The odds that a region's pieces are disturbed, by their distance.
     #[doc(hidden)]
     pub fn odds(&self, region: usize) -> Odds {
         let (disturbed, ratio) = (self.outlier_fractions[region], self.sigma / self.outlier_sigma);
@@ -81,7 +81,7 @@ impl Mixture {
     }
 }
 
-/// The odds that a region's pieces are disturbed, by their distance.
+/// Inlier probability and weight of a region's pieces by their distance.
 #[derive(Debug, Clone, Copy)]
 pub struct Odds {
     /// Those of a piece at no distance.

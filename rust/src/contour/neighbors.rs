@@ -80,7 +80,7 @@ impl CapTree {
         number
     }
 
-    /// Gives the caps behind one, by their places, that meet it; counts those and the boxes that are looked at.
+    /// Gives the caps behind one, by their places, that meet it; charges those and the boxes that it evaluates.
     fn for_each_meeting(&self, place: usize, number: usize, found: &mut impl FnMut(&Cap)) {
         let (cap, CapBox { part, low, high, second }) = (&self.caps[place], &self.boxes[number]);
         let is_apart = |axis: usize| cap.axis[axis] + cap.reach < low[axis] || cap.axis[axis] - cap.reach > high[axis];

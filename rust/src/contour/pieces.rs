@@ -96,8 +96,8 @@ fn cut_rings(
     }
 }
 
-/// How many numbers every `step`-th piece of a region tells of its contour at most: where the corners are between which several of them
-/// lie on a straight run, and where each piece beside such sides is.
+/// Effective number of observations of every `step`-th piece of a region at most: two for each corner between straight runs of several
+/// pieces, and one for each piece beside such sides.
 pub fn numbers(pieces: &[Piece], step: usize) -> f64 {
     // One piece between two sides lies about their corner.
     let but_one = |count: usize| count.saturating_sub(1);

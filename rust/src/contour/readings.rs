@@ -25,10 +25,10 @@ const CROSSING: f64 = 4.0;
 /// nearest in the image: lengths differ by more than six times there.
 const OBLIQUE: f64 = 0.15;
 
-/// What a piece counts as, in edges that are looked at: its cell's edges, its foot, and its density in the mixtures that follow.
+/// Cost of a piece, in edge evaluations: its cell's edges, its foot, and its density in the mixtures that follow.
 const EDGES_OF_PIECE: usize = 32;
 
-/// Pieces of all contours that a first look takes, and of each at least: conventions.
+/// Pieces of all contours in a coarse evaluation, and of each at least: conventions.
 const SKETCHED: usize = 120;
 const FEWEST_SKETCHED: usize = 40;
 
@@ -103,7 +103,7 @@ impl Contour {
         }
     }
 
-    /// One piece in so many of all contours of a problem is what a first look takes.
+    /// Stride between pieces in coarse evaluations, over all contours of a problem.
     pub fn coarse_stride(&self) -> usize {
         self.few
     }
@@ -156,14 +156,14 @@ impl Contour {
     /// Gives the reading of every `step`-th piece, the derivative of its distance by the left increment along the chart's axes and the run
     /// that it is on to `found`; `None` where the region is out of view.
     ///
-    /// `known` are their readings at the pose where there are any. Elsewhere a piece is read against the edge to which
-    /// the boundary leads on from that of the piece before, where that lies within `reach`, pixels: it does where a contour is
+    /// `readings` are those at the pose where there are any. Elsewhere a piece is compared with the edge that follows
+    /// along the boundary from that of the piece before, where that lies within `reach`, pixels: it does where a contour is
     /// clean.
     pub fn for_each_row(
         &self,
         pose: &Pose,
         step: usize,
-        known: Option<&[Reading]>,
+        readings: Option<&[Reading]>,
         reach: f64,
         mut found: impl FnMut(Reading, Vector6<f64>, Option<[usize; 2]>),
     ) -> Option<()> {
@@ -171,7 +171,7 @@ impl Contour {
         self.count_work(&view, step);
         let mut before = None;
         for (number, piece) in self.pieces(step).enumerate() {
-            let index = match known {
+            let index = match readings {
                 Some(readings) => readings[number].edge as usize,
                 None => before
                     .and_then(|edge| self.followed(&view, &piece.mean, edge, reach))

@@ -159,7 +159,7 @@ fn surface_facets(surface: &Surface, origin: &Vector3<f64>, integration: Integra
 }
 
 impl Facet {
-    /// The facet of a planar region with boundaries of fewer vertices, for a first look; others as they are.
+    /// The facet of a planar region with boundaries of fewer vertices, for coarse evaluations; others as they are.
     pub fn coarse(&self, world: &WorldRegion, origin: &Vector3<f64>) -> Self {
         match world.surface() {
             None => Self { shape: rings_of(world.coarse(), world, origin), ..*self },

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix6, Vector6};
 
 /// Share of a parameter's information that the others leave at the least: sums over a thousand pieces are good to 1e-14 of their
-/// size, a hundredth of it. Of less the round-off is all that is known.
+/// size, a hundredth of it. Anything less is round-off.
 const LEAST_SHARE: f64 = 1e-12;
 
 /// An information matrix that holds every direction.
@@ -11,7 +11,7 @@ const LEAST_SHARE: f64 = 1e-12;
 pub struct Information {
     /// Inverse of Cholesky's factor, in parameters of information one.
     inverse_root: Matrix6<f64>,
-    /// Deviations of each parameter were the others known.
+    /// Conditional deviations of each parameter given the others.
     deviations: Vector6<f64>,
 }
 
@@ -45,12 +45,12 @@ impl Information {
     }
 }
 
-/// A covariance as it may leave the crate: symmetric and positive, or infinite where double precision does not tell that it is.
+/// A covariance as it may leave the crate: symmetric and positive, or infinite where it is not so in double precision.
 pub fn validated_covariance(covariance: &Matrix6<f64>) -> Matrix6<f64> {
     let symmetric = (covariance + covariance.transpose()) * 0.5;
     let inverse = symmetric.diagonal().map(|variance| variance.sqrt().recip());
-    let known = inverse.iter().all(|entry| entry.is_normal());
-    let positive = known.then(|| scaled(&symmetric, &inverse).cholesky()).flatten().is_some();
+    let is_invertible = inverse.iter().all(|entry| entry.is_normal());
+    let positive = is_invertible.then(|| scaled(&symmetric, &inverse).cholesky()).flatten().is_some();
     if positive && symmetric.iter().all(|entry| entry.is_finite()) { symmetric } else { free() }
 }
 

@@ -41,13 +41,13 @@ pub enum Termination {
     /// As much work as the search may do.
     #[error("the limit of the search's work was reached")]
     WorkLimit,
-    /// The start is out of view, or every shorter step down the slope leads there.
+    /// The start is out of view, or every shorter step down the slope ends there.
     #[error("a region left the view")]
     OutOfView,
     /// The numbers overflowed, or no equation is left.
     #[error("a number is not finite")]
     NotFinite,
-    /// What another driver said.
+    /// The message of another solver.
     #[error("{0}")]
     Foreign(String),
 }
@@ -94,7 +94,7 @@ const LEAST_GAIN: f64 = 1e-4;
 const POOR_GAIN: f64 = 0.25;
 const GOOD_GAIN: f64 = 0.75;
 
-/// Most by which the radius shrinks at once; a cost above the inverse square of it, times the least so far, tells no more.
+/// Most by which the radius shrinks at once; a cost above the inverse square of it, times the least so far, is no reason for more.
 const STRONGEST_SHRINK: f64 = 0.1;
 
 /// The minimum of the squared residuals of `regions` that is reached from `start`.
@@ -156,7 +156,7 @@ impl Descent {
         self.sizes = self.sizes.zip_map(&columns, f64::max);
     }
 
-    /// Tries one step and takes it if it leads down; what ended the iteration, if anything.
+    /// Tries one step and takes it if it reduces the cost; returns what ended the iteration, if anything.
     fn step(
         &mut self,
         evaluate: impl Fn(&Pose) -> Option<NormalEquations>,
@@ -191,7 +191,7 @@ impl Descent {
         termination
     }
 
-    /// Takes a step whose radius would end the iteration without evaluating where it leads: what is left is of its square.
+    /// Takes a step whose radius would end the iteration without evaluating its end: what is left is of its square.
     fn take_unseen(&mut self, pose: Pose, promise: f64) {
         self.pose = pose;
         self.equations.cost *= (1.0 - promise).max(0.0);

@@ -25,10 +25,10 @@ use crate::region::{ObservedRegion, WorldRegion};
 use crate::view::border::{Border, foreign_edges};
 use crate::view::chart::Chart;
 
-/// What the powers of a place count as, in edges that are looked at: one for each moment.
+/// Cost of the powers of a place, in edge evaluations: one for each moment.
 const EDGES_OF_MOMENTS: usize = plane_count(MAX_ORDER);
 
-/// What a vertex counts as whose ring is turned into its chart and checked for crossings, in edges that are looked at.
+/// Cost of a vertex whose ring is turned into its chart and checked for crossings, in edge evaluations.
 const EDGES_OF_VERTEX: usize = 500;
 
 /// Residuals (predicted - observed) and their derivatives by the left increment `[omega (rad), tau (meters)]`.
@@ -41,7 +41,7 @@ pub struct Evaluation {
     pub jacobian: OMatrix<f64, Dyn, U6>,
 }
 
-/// The equations of one region seen in the image and known in the world; copies share what does not change.
+/// The equations of one pair of image and world region; copies share what does not change.
 #[derive(Debug, Clone)]
 pub struct RegionEquations {
     sides: Arc<Sides>,
@@ -103,7 +103,7 @@ impl RegionEquations {
         Ok(Self { sides: Arc::new(sides), facets, noise: (0.0, Orders::All), whitening: OnceLock::new() })
     }
 
-    /// The same equations with the world region by fewer vertices, for a first look.
+    /// The same equations with the world region by fewer vertices, for coarse evaluations.
     pub fn coarse(&self, world: &WorldRegion, origin: &Vector3<f64>) -> Self {
         let facets = self.facets.iter().map(|facet| facet.coarse(world, origin)).collect();
         Self { facets, ..self.clone() }
@@ -173,7 +173,7 @@ impl RegionEquations {
         &self.sides.foreign
     }
 
-    /// Whether edges are hidden, so that the moments are those of a part whose other part nobody knows.
+    /// Whether edges are hidden, so that the moments are those of the visible part alone.
     pub fn hides_edges(&self) -> bool {
         self.sides.hides_edges
     }
@@ -208,7 +208,7 @@ impl RegionEquations {
         Some(())
     }
 
-    /// Edges looked at in the time of one evaluation: the moments of each, and of a region that is cut the moments and the flux
+    /// Cost of one evaluation, in edge evaluations: the moments of each, and of a region that is cut the moments and the flux
     /// of all of the image's border.
     pub fn work(&self) -> usize {
         let beside = self.sides.border.as_ref().map_or(0, Border::edge_count);

@@ -21,7 +21,7 @@ pub enum Weighting {
     /// The paper's equations in charts of unit observed area: a wide basin.
     Uniform,
     /// In standard deviations of one pixel's boundary noise, close to maximum likelihood near the solution; on the plane
-    /// all moments up to order 6, which tell the turns of shapes with up to sixfold symmetry apart.
+    /// all moments up to order 6, which distinguish the turns of shapes with up to sixfold symmetry.
     Whitened,
 }
 

@@ -391,7 +391,7 @@ mod tests {
         {
             let covariance = BoundaryCovariance::new(system, &chart, &outline(), 1e4);
             let whitening = Whitening::new(&covariance, 0.5, orders);
-            // A row that the covariance takes to another is as long as their product says: x = S y, |F^-1 x|^2 = y^T S y.
+            // The length of a row that the covariance maps to another is that of their product: x = S y, |F^-1 x|^2 = y^T S y.
             let Covariance { entries, count } = covariance.at(0.5, orders);
             let y: [f64; MOST_EQUATIONS] =
                 std::array::from_fn(|k| if k < count { (k as f64 + 0.3).sin() } else { 0.0 });

@@ -57,22 +57,22 @@ impl EdgeBoxes {
         near: &impl Fn(&Corners) -> bool,
         found: &mut impl FnMut(usize, [Vector2<f64>; 2]),
     ) -> usize {
-        let mut looked = part.len();
+        let mut evaluated = part.len();
         let Some(below) = level.checked_sub(1) else {
             for (number, &[a, b]) in part.clone().zip(&self.edges[part]) {
                 if near(&[a.inf(&b), a.sup(&b)]) {
                     found(number, [a, b]);
                 }
             }
-            return looked;
+            return evaluated;
         };
         let count = below.checked_sub(1).map_or(self.edges.len(), |level| self.levels[level].len());
         for (group, corners) in part.clone().zip(&self.levels[below][part]) {
             if near(corners) {
-                looked += self.visit(below, group * GROUP..((group + 1) * GROUP).min(count), near, found);
+                evaluated += self.visit(below, group * GROUP..((group + 1) * GROUP).min(count), near, found);
             }
         }
-        looked
+        evaluated
     }
 }
 
@@ -97,8 +97,8 @@ mod tests {
         let mut numbers = Vec::new();
         let near = |[low, high]: &Corners| low.x <= x && x <= high.x;
         let visit = || edges.for_each_near(near, |number, _| numbers.push(number));
-        let ((), looked) = budget::measured(visit);
-        (numbers, looked)
+        let ((), evaluated) = budget::measured(visit);
+        (numbers, evaluated)
     }
 
     #[test]

@@ -20,10 +20,10 @@ const MARGIN: f64 = 0.25;
 /// Consecutive edges that a box is put around: of a contour of some hundred edges as many boxes as edges in one.
 pub(crate) const GROUP: usize = 4 * LANES;
 
-/// Points of a cell for which all edges are looked at: as many as take the time to find the cell's own (by callgrind).
+/// Points of a cell for which all edges are evaluated: as many as take the time to find the cell's own (by callgrind).
 const FIRST_POINTS: u8 = 2;
 
-/// Room around a box, as a share of its coordinates: more than distances are rounded by, less than tells edges apart.
+/// Room around a box, as a share of its coordinates: more than distances are rounded by, less than edges differ by.
 pub(crate) const ROUNDING: f64 = 1e-9;
 
 /// Closed rings, and for every place about them the edges that may be nearest.

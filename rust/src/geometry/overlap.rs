@@ -10,7 +10,7 @@
 //! to a grid.
 //!
 //! Below an edge lies what the sum over all edges of the other region above it counts there, of which those of a part of a ring
-//! that is above it as a whole leave the ends of that part. So no list of pairs is kept, and few pairs are looked at.
+//! that is above it as a whole leave the ends of that part. So no list of pairs is kept, and few pairs are evaluated.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Add;
@@ -23,7 +23,7 @@ use crate::math::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 /// Room around a part of a ring, as a share of the largest coordinate: more than heights are rounded by.
 const ROUNDING: f64 = 1e-9;
 
-/// What a segment counts as, in edges that are looked at: the half angle below it.
+/// Cost of a segment, in edge evaluations: the half angle below it.
 const EDGES_OF_SEGMENT: usize = 2;
 
 /// Solid angles of what two regions share and of what only one of them covers, in steradians.
@@ -69,8 +69,8 @@ impl Add for OverlapAreas {
     }
 }
 
-/// Solid angles of the intersection and the two differences of regions in the same chart `z = 1`, in steradians; counts the edges
-/// and parts of rings that it looks at (`budget`).
+/// Solid angles of the intersection and the two differences of regions in the same chart `z = 1`, in steradians; charges the edges
+/// and parts of rings that it evaluates (`budget`).
 ///
 /// Each is right to about 1e-15 of the region's extent as an angle, times its greatest coordinate where that is above one, and
 /// never negative.
@@ -110,18 +110,18 @@ impl Segments {
     /// where both are the same.
     fn add_below(&mut self, region: &Parts, other: &Parts, ties: bool) {
         let room = ROUNDING * region.largest().max(other.largest());
-        let (mut steps, mut looked) = (Vec::new(), 0);
+        let (mut steps, mut evaluated) = (Vec::new(), 0);
         self.0.reserve(region.edges().len());
         for edge in region.edges().iter().filter(|edge| edge.sign != 0) {
             let mut below = Below::new(edge, ties, room, steps);
-            looked += other.visit(&mut below);
+            evaluated += other.visit(&mut below);
             steps = below.steps;
             self.add_steps(edge, &mut steps);
         }
-        budget::charge(looked + EDGES_OF_SEGMENT * self.0.len());
+        budget::charge(evaluated + EDGES_OF_SEGMENT * self.0.len());
     }
 
-    /// Adds an edge as often as the sum of steps along it says, which are empty then.
+    /// Adds an edge as often as the sum of steps along it requires, and empties the steps.
     fn add_steps(&mut self, edge: &Edge, steps: &mut Vec<(f64, i32)>) {
         let ends = edge.ends;
         steps.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
@@ -138,7 +138,7 @@ impl Segments {
         steps.clear();
     }
 
-    /// The solid angle below all segments by their signs, known to lie from 0 to 2 pi, but for rounding.
+    /// The signed solid angle below all segments, clamped from 0 to 2 pi against rounding.
     fn area(&self) -> f64 {
         let (re, im) = vectorized(HalfAngles(&self.0));
         let half = im.atan2(re);

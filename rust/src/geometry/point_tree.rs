@@ -36,7 +36,7 @@ struct Search<'a, const D: usize> {
     step: SVector<f64, D>,
     inverse: f64,
     farthest: (f64, Option<usize>),
-    looked: usize,
+    evaluated: usize,
 }
 
 impl<'a, const D: usize> PointTree<'a, D> {
@@ -70,9 +70,10 @@ impl<'a, const D: usize> PointTree<'a, D> {
         let step = self.points[last] - self.points[first];
         let inverse = step.norm_squared().max(f64::MIN_POSITIVE).recip();
         let (between, farthest) = (first + 1..last, (limit, None));
-        let mut search = Search { tree: self, between, first: self.points[first], step, inverse, farthest, looked: 0 };
+        let mut search =
+            Search { tree: self, between, first: self.points[first], step, inverse, farthest, evaluated: 0 };
         search.visit(0);
-        budget::charge(search.looked);
+        budget::charge(search.evaluated);
         search.farthest.1
     }
 }
@@ -89,11 +90,11 @@ impl<const D: usize> Search<'_, D> {
     fn most(&mut self, number: usize) -> Option<f64> {
         let Ball { part, middle, radius, .. } = self.tree.balls.get(number)?;
         let is_asked = part.start < self.between.end && part.end > self.between.start;
-        self.looked += 1;
+        self.evaluated += 1;
         is_asked.then(|| ((self.square(middle).sqrt() + radius) * (1.0 + ROUNDING)).powi(2))
     }
 
-    /// Looks at the points of a ball that may be farther than what was found, the more likely half first.
+    /// Evaluates the points of a ball that may be farther than the farthest so far, the more likely half first.
     fn visit(&mut self, number: usize) {
         let Some(ball) = self.tree.balls.get(number) else { return };
         let Some(second) = ball.second else {
@@ -104,7 +105,7 @@ impl<const D: usize> Search<'_, D> {
                     self.farthest = (square, Some(k));
                 }
             }
-            self.looked += ball.part.len();
+            self.evaluated += ball.part.len();
             return;
         };
         let mut halves = [number + 1, second].map(|half| (self.most(half), half));

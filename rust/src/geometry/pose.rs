@@ -92,7 +92,7 @@ impl Pose {
     /// The left increment that takes this pose to another, its turn up to half a turn (`docs/math.md`, eq. 1.2).
     pub fn local_coordinates(&self, other: &Self) -> Tangent {
         let turn = other.rotation * self.rotation.inverse();
-        // A matrix's skew part vanishes at half a turn, where the quaternion still knows the axis.
+        // A matrix's skew part vanishes at half a turn, where the quaternion still has the axis.
         let omega = UnitQuaternion::from_rotation_matrix(&turn).scaled_axis();
         let tau = other.translation - turn * self.translation;
         Tangent::new(omega.x, omega.y, omega.z, tau.x, tau.y, tau.z)

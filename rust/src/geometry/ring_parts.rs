@@ -1,7 +1,7 @@
 //! A bounding volume hierarchy of rings' edges: what lies beside an edge.
 //!
-//! A part is known by a box, by a rectangle along its longest edge, which is far more slender for neighbors that run side by side,
-//! and by where it begins and ends.
+//! A part has a box, a rectangle along its longest edge, which is far more slender for neighbors that run side by side, and its two
+//! ends.
 
 use std::ops::Range;
 
@@ -20,7 +20,7 @@ pub(super) type Point = [f64; 2];
 pub(super) struct Edge {
     /// Its ends from left to right.
     pub(super) ends: [Point; 2],
-    /// +1 where it leads to the left and has its region below, -1 to the right, 0 of a vertical one.
+    /// +1 where it runs to the left and has its region below, -1 to the right, 0 of a vertical one.
     pub(super) sign: i32,
 }
 
@@ -70,10 +70,10 @@ pub(super) struct Part {
 
 /// What goes through the parts of rings.
 pub(super) trait Visitor {
-    /// Whether it looks into a part.
+    /// Whether it descends into a part.
     fn enters(&mut self, part: &Part) -> bool;
 
-    /// Looks at an edge.
+    /// Visits an edge.
     fn meets(&mut self, edge: &Edge);
 }
 
@@ -159,19 +159,19 @@ impl Parts {
     }
 
     fn visit_part(&self, level: usize, part: Range<usize>, visitor: &mut impl Visitor) -> usize {
-        let mut looked = part.len();
+        let mut evaluated = part.len();
         let Some(below) = level.checked_sub(1) else {
             self.edges[part].iter().for_each(|edge| visitor.meets(edge));
-            return looked;
+            return evaluated;
         };
         let count = below.checked_sub(1).map_or(self.edges.len(), |level| self.levels[level].len());
         for number in part {
             if visitor.enters(&self.levels[below][number]) {
                 let inner = number * GROUP..((number + 1) * GROUP).min(count);
-                looked += self.visit_part(below, inner, visitor);
+                evaluated += self.visit_part(below, inner, visitor);
             }
         }
-        looked
+        evaluated
     }
 }
 

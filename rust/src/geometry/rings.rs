@@ -101,7 +101,7 @@ impl PlaneRings {
         self
     }
 
-    /// Rings that are known to be simple and oriented, as those of what two regions share; none for nothing.
+    /// Rings that are simple and oriented by construction, as those of an intersection; none for an empty one.
     pub(crate) fn of_simple(rings: Vec<Vec<Vector2<f64>>>) -> Self {
         Self { rings }
     }
@@ -135,7 +135,7 @@ impl PlaneRings {
     }
 }
 
-/// Rings known to be simple and apart, with the place of each among the others.
+/// Simple, disjoint rings, with the nesting of each.
 struct SimpleRings {
     rings: Vec<CleanRing>,
     nesting: Vec<Nesting>,

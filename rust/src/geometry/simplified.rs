@@ -10,8 +10,8 @@ use crate::geometry::point_tree::PointTree;
 
 /// Vertices of a ring without which it would be farther off than `tolerance`, in order (Douglas and Peucker 1973).
 ///
-/// Counts what it looks at: a tree of balls finds the vertex farthest from a chord without a look at all of them, and chords
-/// wait in a list of their own, so that a spiral, which is cut off vertex by vertex, takes neither the square of its vertices nor
+/// Charges the points it evaluates: a tree of balls finds the vertex farthest from a chord without evaluating all of them, and
+/// chords are on an explicit stack, so that a spiral, which is cut off vertex by vertex, takes neither the square of its vertices nor
 /// the thread's stack.
 pub fn simplified<const D: usize>(ring: &[SVector<f64, D>], tolerance: f64) -> Vec<SVector<f64, D>> {
     let farthest = |from: &SVector<f64, D>| {

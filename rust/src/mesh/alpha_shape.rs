@@ -17,7 +17,7 @@ use crate::geometry::rings::{
 ///
 /// # Errors
 /// A coordinate that is not finite or out of range; fewer than 3 distinct points; all points on one line; a radius
-/// that is not positive; a radius that keeps no triangle (the message says the smallest that keeps one); work that was canceled.
+/// that is not positive; a radius that keeps no triangle (the message has the smallest that keeps one); work that was canceled.
 pub fn alpha_shape(points: &[Vector2<f64>], radius: f64) -> Result<PlaneRings> {
     delaunay::interruptible(|| shape_of(points, radius))
 }

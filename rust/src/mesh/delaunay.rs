@@ -29,7 +29,7 @@ const VERTEX_ROUNDING: f64 = 4.0 * f64::EPSILON;
 const POSITIONS: u32 = 1 << 16;
 
 thread_local! {
-    /// Positions until the next look.
+    /// Positions until the next poll.
     static UNASKED: Cell<u32> = const { Cell::new(POSITIONS) };
 }
 

@@ -152,9 +152,10 @@ impl RingGraph {
         let (lower, upper) = region.bounds();
         let scale = delaunay::scale_for(lower.amax().max(upper.amax()));
         let mut graph = Self { points: Vec::new(), edges: Vec::new(), scale };
-        let mut known: HashMap<[u64; 2], usize> = HashMap::new();
+        let mut indices_by_point: HashMap<[u64; 2], usize> = HashMap::new();
         for ring in region.rings() {
-            let indices: Vec<usize> = ring.iter().map(|&vertex| graph.index(vertex * scale, &mut known)).collect();
+            let indices: Vec<usize> =
+                ring.iter().map(|&vertex| graph.index(vertex * scale, &mut indices_by_point)).collect();
             let next = indices.iter().cycle().skip(1);
             graph.edges.extend(indices.iter().zip(next).map(|(&a, &b)| [a, b]));
         }
@@ -182,8 +183,8 @@ impl RingGraph {
         self.edges = edges;
     }
 
-    fn index(&mut self, point: Vector2<f64>, known: &mut HashMap<[u64; 2], usize>) -> usize {
-        *known.entry([point.x.to_bits(), point.y.to_bits()]).or_insert_with(|| {
+    fn index(&mut self, point: Vector2<f64>, indices_by_point: &mut HashMap<[u64; 2], usize>) -> usize {
+        *indices_by_point.entry([point.x.to_bits(), point.y.to_bits()]).or_insert_with(|| {
             self.points.push(point);
             self.points.len() - 1
         })

@@ -184,7 +184,7 @@ fn add_edge_group<const ORDER: usize, const NODES: usize, const COUNT: usize>(
     let x = rule.map(|(s, _)| ax + Lanes::splat(s) * dx);
     let y = rule.map(|(s, _)| ay + Lanes::splat(s) * dy);
     let mut row = rule.map(|(_, share)| Lanes::splat(share) * weight);
-    // Written out, so that each row's length is known to the compiler and its numbers stay in registers.
+    // Written out, so that each row's length is a constant and its numbers stay in registers.
     let mut rest = &mut sums[..];
     rest = add_row::<ORDER, NODES>(0, &mut row, &x, &y, rest);
     rest = add_row::<ORDER, NODES>(1, &mut row, &x, &y, rest);

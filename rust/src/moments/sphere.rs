@@ -68,7 +68,7 @@ fn fill<'a, const ORDER: usize, const FLAT: usize, const LESS: usize, const LEAS
     }
 }
 
-/// Length of the mean bearing under which it says too little of where the ring's inside is; 1 is all bearings equal.
+/// Length of the mean bearing below which it does not determine the ring's inside; 1 is all bearings equal.
 const WEAK_MEAN: f64 = 0.05;
 
 /// A direction for the fan of solid angles: the mean bearing, or for a ring around a great circle its area vector.

@@ -10,7 +10,7 @@ use crate::geometry::rings::{PlaneRings, signed_area};
 use crate::geometry::simplified::simplified;
 use crate::moments::shape::NormalizedShape;
 
-/// Distance of a ring from its lines where only a first look is taken, as a share of the square root of its area:
+/// Tolerance of a ring's simplification for coarse evaluations, as a share of the square root of its area:
 /// around a square (a perimeter of 4 such roots) the area is then right to 4 x 0.003, about a hundredth.
 const COARSE: f64 = 0.003;
 

@@ -10,7 +10,7 @@ use crate::geometry::pose::check_rotation;
 /// good to a few millimeters in a meter, while a ring bent more than this is not one plane.
 const PLANARITY_TOLERANCE: f64 = 0.01;
 
-/// Smallest share of the extent that a region must have across, below which no plane can be told.
+/// Smallest share of the extent that a region must have across, below which its plane is undetermined.
 const MIN_WIDTH: f64 = 1e-6;
 
 /// A plane's own coordinates: `X = origin + u axes[0] + v axes[1]`, normal `axes[2]`, right-handed.

@@ -1,4 +1,4 @@
-//! Places on a region's plane of which a sensor knows whether they belong to the region.
+//! Labeled samples of a region's plane: places that a sensor measured inside or outside of the region.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -65,7 +65,7 @@ impl Samples {
     }
 
     /// Places outside of it that it encloses, plane coordinates: in its holes, or in windows and the like, which an image may not
-    /// tell from the region.
+    /// distinguish from the region.
     pub fn enclosed(&self) -> &[Vector2<f64>] {
         &self.enclosed
     }

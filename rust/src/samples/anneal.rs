@@ -55,8 +55,8 @@ pub struct CoarseFit {
     models: Vec<LabelModel>,
 }
 
-/// The pose that a start leads to by a subsample, while the sigma of labels is halved from the start's residuals on; `prior` is a factor of
-/// the left increment at any pose. `None` where a direction is left free.
+/// The mode reached from a start by a subsample, while the sigma of labels is halved from the start's residuals on; `prior` is a factor
+/// of the left increment at any pose. `None` where a direction is left free.
 pub fn fit_coarse(regions: &[SampledRegion], prior: &impl Fn(&Pose) -> Gaussian, start: &Pose) -> Option<CoarseFit> {
     let free = Normal { mean: Tangent::zeros(), covariance: Matrix6::zeros() };
     let mut inference = LabelInference::subsampled(regions, prior, *start);

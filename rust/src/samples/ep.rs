@@ -177,7 +177,7 @@ pub fn run_ep<S: AsRef<LabelSite>>(
             *message = contour.sweep(&cavity)?;
             product = cavity + *message;
         }
-        // Anew from all messages: rounding errors of differences add up.
+        // Recomputed from all messages: rounding errors of differences add up.
         product = product_of(&messages);
         Some(product.normalize()?.0)
     })?;

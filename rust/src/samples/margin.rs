@@ -89,7 +89,7 @@ impl SampledRegion {
         let samples = world.samples()?;
         let lifted = |inside: bool| move |p| (world.frame().to_world(p) - origin, inside);
         let inside = samples.inside().iter().map(lifted(true));
-        // A contour without holes is not compared with enclosed samples: a drawn wall holds its windows, a scan looks through them.
+        // A contour without holes is not compared with enclosed samples: a drawn wall holds its windows, a scan passes through them.
         let enclosed = if region.outline().has_holes() { samples.enclosed() } else { &[] };
         let outside = samples.outside().iter().chain(enclosed).map(lifted(false));
         let scale = region.chart().scale;

@@ -6,12 +6,12 @@ use crate::contour::members::least_evidence;
 /// Scatter of the clean pieces, pixels, above which nothing counts as found yet: several times that of any mask or drawing.
 pub const LOOSE_SIGMA: f64 = 2.0;
 
-/// Gain of log likelihood below which a pose led onto the contours isn't preferred to the moments': six parameters gain 3 by
-/// chance, and 7 more stand for odds of a thousand to one.
+/// Gain of log likelihood below which a pose refined on the contours isn't preferred to the moments': six parameters gain 3 by
+/// chance, and 7 more are odds of a thousand to one.
 pub(super) const DECISIVE: f64 = 10.0;
 
-/// Whether the contours of several regions tell that all are where a pose shows them. That of one alone does not: three of its sides
-/// can be led onto any three lines.
+/// Whether the contours of several regions confirm a pose. A single contour does not: a pose exists that maps three of its sides onto
+/// any three lines.
 pub(super) fn is_found(fit: &ContourFit) -> bool {
     fit.regions().count() > 1 && fit.mixture.sigma < LOOSE_SIGMA && least_evidence(fit) >= DECISIVE
 }

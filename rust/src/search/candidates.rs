@@ -22,7 +22,7 @@ use crate::problem::Problem;
 /// How many times as many pieces follow a refinement on few: a convention.
 const MORE_PIECES: usize = 5;
 
-/// Poses nearer than this, rad and share of the distance, are one place on the contours: both were led there.
+/// Poses nearer than this, rad and share of the distance, are one fit on the contours: both converged to it.
 pub const SAME_PLACE: f64 = 1e-3;
 
 /// Poses about the problem's origin.
@@ -30,7 +30,7 @@ pub const SAME_PLACE: f64 = 1e-3;
 pub(crate) enum Candidates {
     /// Near minima of the moments' equations, which average the noise of the whole outlines.
     NearMinima(Vec<Pose>),
-    /// Led onto the clean pieces of the contours.
+    /// Refined on the clean pieces of the contours.
     OnContours(Vec<ContourFit>),
 }
 
@@ -59,7 +59,7 @@ pub(super) fn whitened_minima(problem: &Problem, poses: Vec<Pose>, prior: &Prior
     fits.into_iter().map(|fit| fit.pose).collect()
 }
 
-/// The candidates led onto the contours, or the minima of the moments where these do not decide.
+/// The candidates refined on the contours, or the minima of the moments where these do not decide.
 pub(super) fn refined_on_contours(
     problem: &Problem,
     poses: Vec<Pose>,
@@ -78,7 +78,7 @@ pub(super) fn refined_on_contours(
     let minima = iter::once(own).chain(places[1..].iter().map(solved)).collect();
     let minima = whitened_minima(problem, minima, prior);
     let Some(minimum) = minima.first() else { return Candidates::OnContours(places) };
-    // A few pieces decide where they tell enough; all of them tell more.
+    // A few pieces decide if they suffice; otherwise all of them.
     let decided = [few, 1].into_iter().any(|step| decides(contours, &place.pose, minimum, &own, step));
     if decided { Candidates::OnContours(places) } else { Candidates::NearMinima(minima) }
 }
@@ -94,24 +94,24 @@ fn places(
 ) -> Vec<ContourFit> {
     let contours = problem.contours();
     let few = problem.coarse_stride();
-    let led = |poses: Vec<Pose>| poses.iter().filter_map(|pose| screen.refined_from(pose)).collect::<Vec<_>>();
-    let known = screen.prior_poses.iter().copied();
-    let starts = likeliest(contours, poses, few, MOST_REFINED).into_iter().chain(known).collect();
-    let mut found = led(starts);
+    let refined_all = |poses: Vec<Pose>| poses.iter().filter_map(|pose| screen.refined_from(pose)).collect::<Vec<_>>();
+    let prior_poses = screen.prior_poses.iter().copied();
+    let starts = likeliest(contours, poses, few, MOST_REFINED).into_iter().chain(prior_poses).collect();
+    let mut found = refined_all(starts);
     if problem.hides_edges() || !found.iter().any(is_found) {
         let single = single_region_poses(problem, cache);
-        found.extend(led(further_poses(problem, &single)));
+        found.extend(refined_all(further_poses(problem, &single)));
         found.extend(single_region_fits(problem, &single));
     }
     let mut all = refined_finely(problem, found, few, prior);
     if let Some(best) = all.first() {
-        let turned = led(turned_poses(problem, &best.pose, few));
+        let turned = refined_all(turned_poses(problem, &best.pose, few));
         all.extend(refined_finely(problem, turned, few, prior));
     }
     within_ambiguity(problem, deduplicated(all, usize::MAX, SAME_PLACE), prior)
 }
 
-/// The fits led on from every `step`-th piece to all, those that could be as likely as the best.
+/// The fits refined from every `step`-th piece to all, those that could be as likely as the best.
 fn refined_finely(problem: &Problem, mut fits: Vec<ContourFit>, mut step: usize, prior: &Prior) -> Vec<ContourFit> {
     while step > 1 {
         let likely = likely(problem, fits, prior);
@@ -121,16 +121,16 @@ fn refined_finely(problem: &Problem, mut fits: Vec<ContourFit>, mut step: usize,
     deduplicated(fits, usize::MAX, SAME_PLACE)
 }
 
-/// Where a fit leads on more pieces from a wide scale and, where that is away from it and of several regions some may be elsewhere,
+/// A fit refined on more pieces from a wide scale and, where that moves away and some of several regions may be outliers, once more
 /// from its own scatter.
 fn refined_on(contours: &[Contour], fit: &ContourFit, step: usize) -> Vec<ContourFit> {
-    let led = refined(contours, &fit.pose, step);
-    let away = led.as_ref().is_none_or(|led| apart(&led.pose, &fit.pose, SAME_CANDIDATE));
-    let beside = if away && contours.len() > 1 { refined_again(contours, fit, step) } else { None };
-    led.into_iter().chain(beside).collect()
+    let from_wide = refined(contours, &fit.pose, step);
+    let has_moved = from_wide.as_ref().is_none_or(|next| apart(&next.pose, &fit.pose, SAME_CANDIDATE));
+    let from_own = if has_moved && contours.len() > 1 { refined_again(contours, fit, step) } else { None };
+    from_wide.into_iter().chain(from_own).collect()
 }
 
-/// The fits of poses that single regions give, led onto their own contours whatever the others show, since these may be elsewhere.
+/// The fits of single regions' poses, each refined on its own contour alone, since the other regions may be outliers.
 fn single_region_fits(problem: &Problem, single: &[Vec<Pose>]) -> Vec<ContourFit> {
     let (contours, few) = (problem.contours(), problem.coarse_stride());
     let own = single.iter().zip(contours).flat_map(|(poses, contour)| {

@@ -20,7 +20,7 @@ const MOST_TRIPLES: usize = 10;
 /// Regions whose triples are compared at most, those that lie farthest apart: a convention, some two thousand triples.
 const MOST_REGIONS: usize = 24;
 
-/// What a triple counts as, in edges that are looked at: its area.
+/// Cost of a triple, in edge evaluations: its area.
 const EDGES_OF_TRIPLE: usize = 1;
 
 /// The poses of three regions' centroids, about the problem's origin; none of fewer regions, or of ones on a line.

@@ -12,7 +12,7 @@ use crate::moments::shape::{NormalizedShape, SHAPE_ORDERS, centroid};
 use crate::region::{PlaneFrame, WorldRegion};
 use crate::view::chart::Chart;
 
-/// Poses at which a planar region looks like what its chart shows, were the view affine (`docs/math.md`, section 7).
+/// Poses at which a planar region's affine view matches its chart (`docs/math.md`, section 7).
 ///
 /// The second moments fix the affine map from the region's plane to the chart but for a turn and a mirror; moments of order
 /// 3 to 8 choose the turns; each affine map is the first-order view of two poses. `origin` is the world point relative to
@@ -69,7 +69,7 @@ pub fn facing(
 /// The other pose whose first-order view of a region is the same: its normal mirrored at the ray of its centroid
 /// (`docs/math.md`, eq. 7.11).
 ///
-/// Facing poses lie midway between the two, where first derivatives hardly tell them apart: least squares from there end
+/// Facing poses lie midway between the two, where first derivatives hardly distinguish them: least squares from there end
 /// at either.
 pub fn conjugate(pose: &Pose, world: &WorldRegion, origin: &Vector3<f64>) -> Pose {
     let frame = world.frame();

@@ -51,8 +51,8 @@ fn triples<T: Copy>(corners: &[Corner<T>], stride: usize, backwards: bool) -> Ve
 /// Poses at which three corners of a world region are seen at three of its observed outline, in the same order along a ring
 /// or, of a region seen from behind, in the opposite one, and turning alike; about `origin`.
 ///
-/// `pixel`: chart units per pixel. Of more pairs of triples than `most`, every so many is taken. Nothing is said of the rest
-/// of the outline, which may be hidden: most of these poses are wrong.
+/// `pixel`: chart units per pixel. More pairs of triples than `most` are subsampled evenly. The rest of the outline, which may be
+/// hidden, is not compared: most of these poses are wrong.
 pub fn corner_poses(
     chart: &Chart,
     outline: &PlaneRings,
@@ -61,11 +61,11 @@ pub fn corner_poses(
     pixel: f64,
     most: usize,
 ) -> Vec<Pose> {
-    let (seen, known) = (observed_corners(outline, pixel), world_corners(world));
+    let (image_corners, corners) = (observed_corners(outline, pixel), world_corners(world));
     let groups: Vec<_> = STRIDES.into_iter().flat_map(|stride| [(stride, false), (stride, true)]).collect();
     let triples_of = |&(stride, backwards): &(usize, bool)| {
-        let observed: Vec<_> = seen.iter().flat_map(|ring| triples(ring, stride, false)).collect();
-        let models: Vec<_> = known.iter().flat_map(|ring| triples(ring, stride, backwards)).collect();
+        let observed: Vec<_> = image_corners.iter().flat_map(|ring| triples(ring, stride, false)).collect();
+        let models: Vec<_> = corners.iter().flat_map(|ring| triples(ring, stride, backwards)).collect();
         (observed, models)
     };
     let groups: Vec<_> = groups.iter().map(triples_of).collect();
@@ -76,9 +76,9 @@ pub fn corner_poses(
         let pair = |k: usize| (observed[k / models.len()], models[k % models.len()]);
         (0..observed.len() * models.len()).step_by(every).map(pair).filter(|(a, b)| alike(a, b)).collect::<Vec<_>>()
     };
-    let poses = groups.iter().flat_map(of_group).flat_map(|(seen, known)| posed(chart, origin, &seen, &known));
+    let poses = groups.iter().flat_map(of_group).flat_map(|(image, world)| posed(chart, origin, &image, &world));
     let shape: Vec<Vec<_>> =
-        known.iter().map(|ring| ring.iter().map(|corner| corner.place - origin).collect()).collect();
+        corners.iter().map(|ring| ring.iter().map(|corner| corner.place - origin).collect()).collect();
     poses.filter(|pose| projected_area(chart, &shape, pose).is_some_and(is_plausible)).collect()
 }
 
@@ -98,7 +98,7 @@ pub fn projected_area(chart: &Chart, rings: &[Vec<Vector3<f64>>], pose: &Pose) -
     Some(area.abs())
 }
 
-/// All poses at which a triangle looks like its observed outline, up to four for each of the six ways to pair the corners;
+/// All poses at which a triangle's projection is its observed outline, up to four for each of the six ways to pair the corners;
 /// none for other regions.
 pub fn triangle_poses(
     chart: &Chart,
@@ -107,22 +107,27 @@ pub fn triangle_poses(
     origin: &Vector3<f64>,
     pixel: f64,
 ) -> Vec<Pose> {
-    let known = world_corners(world);
-    let [known] = known.as_slice() else { return Vec::new() };
-    if known.len() != 3 {
+    let rings = world_corners(world);
+    let [corners] = rings.as_slice() else { return Vec::new() };
+    if corners.len() != 3 {
         return Vec::new();
     }
     let seen = observed_corners(outline, pixel);
     let [seen] = seen.as_slice() else { return Vec::new() };
     let [a, b, c] = seen.as_slice() else { return Vec::new() };
-    let pairings = [false, true].into_iter().flat_map(|backwards| triples(known, 1, backwards));
-    pairings.flat_map(|known| posed(chart, origin, &[*a, *b, *c], &known)).collect()
+    let pairings = [false, true].into_iter().flat_map(|backwards| triples(corners, 1, backwards));
+    pairings.flat_map(|triple| posed(chart, origin, &[*a, *b, *c], &triple)).collect()
 }
 
 /// The poses of one pair of triples.
-fn posed(chart: &Chart, origin: &Vector3<f64>, seen: &Triple<Vector2<f64>>, known: &Triple<Vector3<f64>>) -> Vec<Pose> {
-    let bearings = seen.map(|corner| Vector3::new(corner.place.x, corner.place.y, chart.scale).normalize());
-    let poses = three_point_poses(&known.map(|corner| corner.place - origin), &bearings);
+fn posed(
+    chart: &Chart,
+    origin: &Vector3<f64>,
+    image: &Triple<Vector2<f64>>,
+    world: &Triple<Vector3<f64>>,
+) -> Vec<Pose> {
+    let bearings = image.map(|corner| Vector3::new(corner.place.x, corner.place.y, chart.scale).normalize());
+    let poses = three_point_poses(&world.map(|corner| corner.place - origin), &bearings);
     let back = chart.rotation.inverse();
     poses.into_iter().map(|pose| Pose::new(back * pose.rotation, back * pose.translation)).collect()
 }

@@ -8,8 +8,8 @@ use crate::contour::readings::Contour;
 use crate::geometry::pose::{PARAMETERS, Pose};
 use crate::prior::{MAX_PENALTY, mahalanobis};
 
-/// Whether every `step`-th piece tells that a place on the contours is right, and not a minimum of the moments; `own` is the one that
-/// the place itself leads to, which it must not contradict.
+/// Whether every `step`-th piece prefers a fit on the contours decisively to a minimum of the moments; `own` is the minimum reached from
+/// the fit, which must not contradict it.
 pub(super) fn decides(contours: &[Contour], place: &Pose, minimum: &Pose, own: &Pose, step: usize) -> bool {
     let at = |pose: &Pose| ContourFit::at(contours, pose, step);
     let [Some(place), Some(minimum)] = [place, minimum].map(at) else { return true };
@@ -25,9 +25,9 @@ fn holds_a_pose(place: &ContourFit) -> bool {
     place.independent() * shares.iter().sum::<f64>() >= (PARAMETERS * shares.len()) as f64
 }
 
-/// Logarithm of the odds by which the moments speak against a place on the contours.
+/// Log odds of the moments against a fit on the contours.
 ///
-/// What disturbs a contour adds and removes alike, so that the moments are off by no more than chance leaves of it. Pieces that lie
+/// Disturbances add and remove area alike, so that the moments are off by chance alone. Pieces that lie
 /// on a wrong boundary side by side, as those of squares of one size do, are half of a contour at the most: where more than that is
 /// clean, the rest may be off to one side.
 fn moment_log_odds(contours: &[Contour], place: &ContourFit, minimum: &ContourFit) -> f64 {
@@ -38,8 +38,8 @@ fn moment_log_odds(contours: &[Contour], place: &ContourFit, minimum: &ContourFi
     contradiction(deviations * deviations)
 }
 
-/// Logarithm of the odds that a pose `square` variances away is off by more than its deviations say: by the likeliest multiple of
-/// these. No more than what is believed of any prior.
+/// Log odds that a pose `square` variances away has larger deviations than estimated: by the likeliest multiple of these, bounded like
+/// the penalty of any prior.
 fn contradiction(square: f64) -> f64 {
     let parameters = PARAMETERS as f64;
     let multiple = (square.min(MAX_PENALTY) / parameters).max(1.0);
@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_contradiction_counts_from_what_chance_leaves_to_what_is_believed() {
+    fn a_contradiction_counts_from_chance_to_the_largest_penalty() {
         assert!(contradiction(0.0) == 0.0 && contradiction(6.0) == 0.0);
         // The densities of six parameters with their own deviations and with those twice as large, at twice the distance.
         let density = |scale: f64, square: f64| -0.5 * square / (scale * scale) - 6.0 * scale.ln();

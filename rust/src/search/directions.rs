@@ -21,10 +21,10 @@ use crate::region::WorldRegion;
 /// of regions close to one another. A refinement reaches the pose from nearer (`cargo test directions::`).
 const FREE: f64 = std::f64::consts::PI / 18.0;
 
-/// The same direction along the camera's axes and in the world, and how much it weighs, per squared radian.
+/// The same direction along the camera's axes and in the world, and its weight, per squared radian.
 struct Direction {
-    seen: Vector3<f64>,
-    known: Vector3<f64>,
+    in_camera: Vector3<f64>,
+    in_world: Vector3<f64>,
     weight: f64,
 }
 
@@ -52,15 +52,15 @@ fn standing(rotation: Rotation3<f64>, place: &Vector3<f64>) -> Pose {
 }
 
 /// A region's direction: a place that errs by so many meters, or a centroid, turns it by those over the distance.
-/// `None` where no direction can be told, as from a place in the region's plane.
+/// `None` where the direction is undetermined, as from a place in the region's plane.
 fn direction(region: &RegionEquations, world: &WorldRegion, near: &Vector3<f64>, sigma: f64) -> Option<Direction> {
-    let seen = seen_direction(region)?;
+    let in_camera = seen_direction(region)?;
     let offset = world.frame().origin - near;
     let from_there = world.rings().into_iter().map(|ring| ring.into_iter().map(|x| x - near).collect());
-    let known = centroid(from_there)?;
+    let in_world = centroid(from_there)?;
     let weight = offset.norm_squared() / (sigma * sigma);
     // From behind the rings turn the other way.
-    Some(Direction { seen, known: known * known.dot(&offset).signum(), weight })
+    Some(Direction { in_camera, in_world: in_world * in_world.dot(&offset).signum(), weight })
 }
 
 /// The direction in which a region's centroid is seen, along the camera's axes.
@@ -78,16 +78,16 @@ fn centroid(rings: impl Iterator<Item = Vec<Vector3<f64>>>) -> Option<Bearing> {
     Vector3::new(moments.get(1, 0, 0), moments.get(0, 1, 0), moments.get(0, 0, 1)).try_normalize(f64::EPSILON)
 }
 
-/// The up direction, where it is known: one more that the image shows.
+/// The prior's up direction, as one more direction.
 fn upright(prior: &Prior) -> Option<Direction> {
-    let known = prior.up?.try_normalize(0.0)?;
-    Some(Direction { seen: -Vector3::y(), known, weight: prior.up_sigma.unwrap_or(UP_SIGMA).powi(-2) })
+    let in_world = prior.up?.try_normalize(0.0)?;
+    Some(Direction { in_camera: -Vector3::y(), in_world, weight: prior.up_sigma.unwrap_or(UP_SIGMA).powi(-2) })
 }
 
 /// The rotation with the least weighted sum of squared chords between directions turned by it and seen (Wahba's
 /// problem; Markley 1988).
 fn best_rotation(directions: &[Direction]) -> Option<Rotation3<f64>> {
-    let sum: Matrix3<f64> = directions.iter().map(|d| d.seen * d.known.transpose() * d.weight).sum();
+    let sum: Matrix3<f64> = directions.iter().map(|d| d.in_camera * d.in_world.transpose() * d.weight).sum();
     let svd = sum.try_svd(true, true, f64::EPSILON, 1000)?;
     let (u, v) = (svd.u?, svd.v_t?);
     let side = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u.determinant() * v.determinant()).signum()));
@@ -96,7 +96,7 @@ fn best_rotation(directions: &[Direction]) -> Option<Rotation3<f64>> {
 
 /// The axis of the camera's about which the directions hardly hold a turn, if there is one.
 fn free_axis(directions: &[Direction]) -> Option<Unit<Vector3<f64>>> {
-    let across = |d: &Direction| (Matrix3::identity() - d.seen * d.seen.transpose()) * d.weight;
+    let across = |d: &Direction| (Matrix3::identity() - d.in_camera * d.in_camera.transpose()) * d.weight;
     let information = directions.iter().map(across).sum::<Matrix3<f64>>();
     let eigen = information.try_symmetric_eigen(f64::EPSILON, 1000)?;
     let least = eigen.eigenvalues.imin();

@@ -15,7 +15,7 @@ use crate::problem::Problem;
 use crate::region::WorldRegion;
 use crate::search::cuts::cut_worlds;
 
-/// A candidate: enough to tell it from the others, whose valleys are flat where shapes are symmetric; not yet a solution.
+/// Termination of candidates: precise enough to distinguish them, whose valleys are flat where shapes are symmetric; not yet solutions.
 pub const CANDIDATE: TerminationCriteria = TerminationCriteria { tolerance: 1e-4, evaluations: 28 };
 
 /// A final solution: the last step is far shorter than the 1e-7 within which both drivers end. The paper's start needs as many,
@@ -25,10 +25,10 @@ pub const FINAL: TerminationCriteria = TerminationCriteria { tolerance: 1e-11, e
 /// Candidates above the least unweighted cost by this factor are given up: a convention.
 const WORTH_A_LOOK: f64 = 1e2;
 
-/// Unweighted cost (squared shares of the observed area) below which every candidate is looked at: a hundredth of the area.
+/// Unweighted cost (squared shares of the observed area) below which every candidate is refined: a hundredth of the area.
 const SMALL_COST: f64 = 1e-4;
 
-/// Starts of one region that are followed where other regions can tell them apart, and turns at a known place: a convention, two
+/// Starts of one region that are followed where other regions distinguish them, and turns at a prior's place: a convention, two
 /// turns seen from two sides.
 pub const STARTS_PER_REGION: usize = 4;
 
@@ -46,7 +46,7 @@ pub const SAME_CANDIDATE: f64 = 0.01;
 /// Which starts of a region are followed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Starts {
-    /// Where others can tell, the likeliest few, until a pose explains all regions.
+    /// Where other regions distinguish them, the likeliest few, until a pose explains all regions.
     Likely,
     /// All, and those of regions that the image's border cuts.
     All,
@@ -54,19 +54,19 @@ pub enum Starts {
 
 /// Minima of the unweighted equations of all regions, about the problem's origin, best first.
 ///
-/// From poses that are known, then from the closed forms of one region after the other, the largest first, until one
-/// explains all regions.
+/// From poses of the prior, then from the closed forms of one region after the other, the largest first, until one explains
+/// all regions.
 pub fn moment_poses(
     problem: &Problem,
     prior: &Prior,
-    known: &[Pose],
+    prior_poses: &[Pose],
     starts: Starts,
     cache: &mut SingleRegionCache,
     mut explains: impl FnMut(&Pose) -> bool,
 ) -> Vec<Pose> {
     let mut order: Vec<usize> = (0..problem.regions().len()).collect();
     order.sort_by(|&a, &b| problem.regions()[b].pixel_area().total_cmp(&problem.regions()[a].pixel_area()));
-    let mut found: Vec<(f64, Pose)> = known.iter().map(|pose| solved_jointly(problem, pose)).collect();
+    let mut found: Vec<(f64, Pose)> = prior_poses.iter().map(|pose| solved_jointly(problem, pose)).collect();
     for index in order {
         found.extend(solved_together(problem, region_poses(problem, index, prior, starts, cache)));
         found = narrowed(found);
@@ -77,7 +77,7 @@ pub fn moment_poses(
     without_cost(found)
 }
 
-/// Poses that single regions give, whatever the others say, region by region; none where there are no others.
+/// Poses of single regions, independent of the others, region by region; none of a single region.
 pub fn single_region_poses(problem: &Problem, cache: &mut SingleRegionCache) -> Vec<Vec<Pose>> {
     if problem.regions().len() == 1 {
         return Vec::new();
@@ -101,7 +101,7 @@ fn region_poses(
     if prior.up.is_some() {
         poses.extend(facing(region.chart(), region.outline(), world, origin, prior.up.as_ref()));
     }
-    // A wrong view of a region alone may look right where the rest of it is cut off.
+    // Of a single region, a wrong pose may fit where the rest of it is cut off.
     if region.border().is_some() && (starts == Starts::All || single) {
         poses.extend(cut_starts(problem, region, world));
     }
@@ -112,8 +112,7 @@ fn region_poses(
     poses.iter().filter_map(|pose| cache.solved(problem, index, pose)).collect()
 }
 
-/// Starts of single regions that were followed, and where they led: those that are likely are followed first, and are among
-/// all of them.
+/// Starts of single regions and the minima reached from them: likely ones are followed first, and are among all of them.
 #[derive(Debug, Default)]
 pub struct SingleRegionCache(BTreeMap<usize, Vec<(Pose, Pose)>>);
 
@@ -124,7 +123,7 @@ impl SingleRegionCache {
         if let Some((_, found)) = followed.into_iter().find(|(from, _)| from == start) {
             return Some(*found);
         }
-        // Each start costs a look at least: once the budget is exhausted, what was found has to do.
+        // Each start costs an evaluation at least: none is followed once the budget is exhausted.
         if budget::is_exhausted() && !self.0.is_empty() {
             return None;
         }
@@ -189,7 +188,7 @@ fn solved_jointly(problem: &Problem, start: &Pose) -> (f64, Pose) {
     (minimum.cost, minimum.pose)
 }
 
-/// Distinct poses by their cost, best first, as many as are worth another look.
+/// Distinct poses by their cost, best first, as many as are refined further.
 fn narrowed(costs: Vec<(f64, Pose)>) -> Vec<(f64, Pose)> {
     worth_a_look(distinct(costs, MOST_CANDIDATES, SAME_CANDIDATE, |pose| pose))
 }

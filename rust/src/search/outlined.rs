@@ -17,8 +17,8 @@ pub(super) fn outlines(contours: &[Contour], pose: &Pose) -> Gaussian {
     ContourFit::at(contours, pose, 1).map_or(hopeless, |fit| fit.gaussian(contours).unwrap_or(hopeless))
 }
 
-/// What contours with samples show at a pose by their outlines, which may be off alike all around, by as much as the clean ones of
-/// their pieces are: each region counts as one piece (`docs/math.md`, eq. 17.12), of which every `step`-th is looked at.
+/// The Gaussian factor of outlines whose regions have samples, at a pose: they may be off alike all around, by as much as their clean
+/// pieces are, so each region counts as one piece (`docs/math.md`, eq. 17.12); every `step`-th piece is evaluated.
 pub(super) fn outlines_beside_samples(contours: &[Contour], pose: &Pose, step: usize) -> Gaussian {
     if contours.is_empty() {
         return Gaussian::default();

@@ -80,7 +80,7 @@ fn common_points(one: &Matrix3<f64>, two: &Matrix3<f64>) -> Vec<Vector3<f64>> {
         let form = one + two * root;
         (root, form.unscale(form.norm()))
     };
-    // A pair of real lines has eigenvalues of both signs: the farther from zero, the better the lines are known.
+    // A pair of real lines has eigenvalues of both signs: the farther from zero, the better determined are the lines.
     let spread = |form: &Matrix3<f64>| adjugate(form).trace();
     let members = pencil_roots(one, two).into_iter().map(pencil);
     let Some((root, lines)) = members.min_by(|a, b| spread(&a.1).total_cmp(&spread(&b.1))) else { return Vec::new() };

@@ -23,7 +23,7 @@ pub fn distinct<T>(items: Vec<(f64, T)>, most: usize, limit: f64, pose: impl Fn(
 
 /// The items by their cost, the least first; those whose cost is not finite are left out.
 pub fn sorted<T>(mut items: Vec<(f64, T)>) -> Vec<(f64, T)> {
-    // The sign of a NaN says nothing: total_cmp would put a negative one first.
+    // The sign of a NaN is arbitrary: total_cmp would put a negative one first.
     items.retain(|(cost, _)| cost.is_finite());
     items.sort_by(|a, b| a.0.total_cmp(&b.0));
     items

@@ -17,7 +17,7 @@ pub(super) const COARSE_AMBIGUITY: f64 = 4.0;
 /// over 120 pieces, odds of e to the 120.
 pub(super) const MAX_DEFICIT: f64 = 1.0;
 
-/// Poses of one kind that are led onto the contours at most, those that are likeliest: a convention.
+/// Poses of one kind that are refined on the contours at most, those that are likeliest: a convention.
 pub(super) const MOST_REFINED: usize = 16;
 
 impl Problem {
@@ -39,8 +39,8 @@ pub(super) fn within_ambiguity(problem: &Problem, fits: Vec<ContourFit>, prior: 
     let limit = COARSE_AMBIGUITY * (AMBIGUITY + problem.max_penalty(prior));
     let mut fits = fits.into_iter();
     let Some(best) = fits.next() else { return Vec::new() };
-    // By all pieces: where no more than tell of the noise count, more follow, and of 120 problems with two regions swapped of three two
-    // end at a wrong pose in place of the right one (`benchmarks/confidence.py`).
+    // By all pieces: with the degrees of freedom of the noise alone, more candidates follow, and of 120 problems with two of three
+    // regions swapped two end at a wrong pose in place of the right one (`benchmarks/confidence.py`).
     let others: Vec<ContourFit> = fits.filter(|fit| best.deviance_to(fit, f64::INFINITY) <= limit).collect();
     iter::once(best).chain(others).collect()
 }
@@ -57,7 +57,7 @@ pub(super) fn likeliest(contours: &[Contour], poses: Vec<Pose>, step: usize, mos
     }
     let fixed = FixedMixture::new(contours, step);
     let scored = sorted(poses.into_iter().map(|pose| (fixed.negative_log_density(&pose), pose)).collect());
-    // A region alone may be disturbed so much that its moments lead nowhere near; several tell a wrong pose at a glance.
+    // A single region may be disturbed so much that its moments have no minimum near the pose; several reject a wrong pose on few pieces.
     let worst = if contours.len() > 1 { MAX_DEFICIT } else { f64::INFINITY };
     let least = scored.first().map_or(0.0, |(cost, _)| *cost);
     scored.into_iter().take(most).take_while(|(cost, _)| *cost <= least + worst).map(|(_, pose)| pose).collect()

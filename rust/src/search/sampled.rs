@@ -22,11 +22,11 @@ use crate::samples::margin::SampledRegion;
 use crate::samples::posterior::Posterior;
 use crate::samples::signed_distance::SignedDistanceField;
 
-/// Starts that are led on.
+/// Starts that are refined.
 const MOST_STARTS: usize = 24;
 
-/// How far a start may be off, rad and share of the distance, and mostly still lead to the answer: starts nearer to one another
-/// than this are one. A convention: turns of 0.07 to 0.3 rad lead about as often to the answer (`regionpose evaluate lidar --only
+/// Error of a start, rad and share of the distance, from which it mostly still converges to the answer: starts nearer to one another
+/// than this are one. A convention: starts off by 0.07 to 0.3 rad converge about as often (`regionpose evaluate lidar --only
 /// lidar_beams=16 --only scan=samples`).
 const CONVERGENCE_RADIUS: f64 = 0.2;
 
@@ -36,7 +36,7 @@ const SAME_PLACE: f64 = 0.02;
 /// Squared distance of two answers, in variances of both together, up to which they are one: three standard deviations.
 const SAME_ANSWER: f64 = 9.0;
 
-/// The same of modes of one answer: one standard deviation, of which both together say no more than either.
+/// The same of modes of one answer: one standard deviation, within which a mixture of both is no wider than either.
 const SAME_MODE: f64 = 1.0;
 
 /// Blur, pixels, with which starts are compared: as far as rough ones are off.
@@ -45,22 +45,22 @@ const ROUGH: f64 = 32.0;
 /// Share of wrong labels of every region up to which a pose counts as found: no more than is expected.
 const FOUND: f64 = 0.2;
 
-/// Logarithm of odds on some of the samples by which a start that they led is behind the best that all of them do not make up. One
-/// that is not led yet, or on its way with all of them, makes up as much again: without that, half turns that fit about as well in
+/// Log odds, by the subsample, by which a refined start is behind the best that all samples do not make up. A start that is not refined
+/// yet, or not to the end with all samples, makes up as much again: without that, half turns that fit about as well in
 /// the end were lost on the way (`regionpose evaluate trust --seed 182 --scenes 1 --only model=combined`, and `--seed 109`, `lidar`).
 const MAX_DEFICIT: f64 = 25.0;
 
-/// Points along an outline at which it is asked what lies beside it: a convention.
+/// Points along an outline at which samples beside it are searched: a convention.
 const OUTLINE_POINTS: usize = 128;
 
 impl Problem {
-    /// What the samples leave possible about some starts and, where they contradict all of these, about further ones; the
+    /// Modes of the samples' posterior about some starts and, where samples contradict all of these, about further ones; the
     /// likeliest first. Poses are about the problem's origin.
     pub(crate) fn posteriors(&self, starts: &[Pose], prior: &Prior) -> Vec<Posterior> {
         let mut found = self.posteriors_with(starts, prior);
         let agrees = |posterior: &Posterior| is_found(posterior) && self.penalty(posterior, prior) < AMBIGUITY;
         if prior.max_penalty() > 0.0 && !found.first().is_some_and(agrees) {
-            // A prior that samples contradict may be wrong: of poses without it, it counts as far as it is believed.
+            // A prior that samples contradict may be wrong: poses without it bear its bounded penalty.
             found.extend(self.posteriors_with(starts, &Prior::default()).into_iter().map(|posterior| {
                 let penalty = self.penalty(&posterior, prior);
                 posterior.with_log_prior(-0.5 * penalty)
@@ -69,7 +69,7 @@ impl Problem {
         self.answers(&modes(found))
     }
 
-    /// What a prior counts against a posterior, in variances.
+    /// The penalty of a prior for a posterior, in variances.
     fn penalty(&self, posterior: &Posterior, prior: &Prior) -> f64 {
         prior.penalty(&self.uncentered(&posterior.pose), &posterior.covariance)
     }
@@ -79,9 +79,9 @@ impl Problem {
         let (outlined, guessed) = (self.outlined(), self.guessed());
         let creases = self.creases();
         let others = |pose: &Pose| {
-            let known = prior.gaussian(&self.uncentered(pose)) + outlines(&outlined, pose);
-            let known = known + outlines_beside_samples(&guessed, pose, self.coarse_stride());
-            creases.iter().fold(known, |sum, crease| sum + crease.gaussian(pose))
+            let factor = prior.gaussian(&self.uncentered(pose)) + outlines(&outlined, pose);
+            let factor = factor + outlines_beside_samples(&guessed, pose, self.coarse_stride());
+            creases.iter().fold(factor, |sum, crease| sum + crease.gaussian(pose))
         };
         let mut visited = VisitedStates::default();
         let mut found = self.posteriors_near(starts, &[], &others, &mut visited);
@@ -89,23 +89,24 @@ impl Problem {
             let further = further_poses(self, &single_region_poses(self, &mut SingleRegionCache::default()));
             found.extend(self.posteriors_near(&further, &[], &others, &mut visited));
         }
-        let mut looked: Option<(f64, Pose)> = None;
+        let mut last_refined: Option<(f64, Pose)> = None;
         // A symmetric shape fits from several places, of which the starts may have missed one, and sparse samples hold some on
         // the way to theirs.
         while let Some((log_evidence, best)) = likeliest_of(&found).filter(|(log_evidence, best)| {
-            looked.is_none_or(|(last_evidence, last)| *log_evidence > last_evidence && apart(&last, best, SAME_PLACE))
+            last_refined
+                .is_none_or(|(last_evidence, last)| *log_evidence > last_evidence && apart(&last, best, SAME_PLACE))
         }) {
             let (regions, step) = (self.sampled(), subsample_stride(self.sampled()));
             let cost = |pose: &Pose| -log_likelihood(regions, pose, COARSE_SIGMA, step);
             let turned = turned_about(self, &best, cost, MAX_DEFICIT);
             let starts: Vec<Pose> = turned.into_iter().chain(beside(&best)).collect();
             found.extend(self.posteriors_near(&starts, &found, &others, &mut visited));
-            looked = Some((log_evidence, best));
+            last_refined = Some((log_evidence, best));
         }
         modes(found)
     }
 
-    /// The posteriors of the likeliest starts, but of those that some of the samples lead to a place that is found already.
+    /// The posteriors of the likeliest starts, without those that the subsample refines to a mode that is found already.
     fn posteriors_near(
         &self,
         starts: &[Pose],
@@ -129,8 +130,8 @@ impl Problem {
         anneal(regions, others, &likely, 2.0 * MAX_DEFICIT, visited)
     }
 
-    /// Each answer once, the likeliest first, over all of its modes: where samples contradict a pose, which of them are wrong and which
-    /// stretches are off depends on where it was looked for from.
+    /// Each answer once, the likeliest first, as the mixture of its modes: where samples contradict a pose, it depends on the start which
+    /// of them count as wrong and which segments as disturbed.
     fn answers(&self, modes: &[Posterior]) -> Vec<Posterior> {
         let is_same = |a: &Posterior, b: &Posterior| a.squared_sigmas_to(b) < SAME_ANSWER;
         let over_modes = |answer: Posterior| {
@@ -144,7 +145,7 @@ impl Problem {
         answers.into_iter().map(over_modes).collect()
     }
 
-    /// Whether every region has samples beside its outline, as many as a pose has numbers: fewer tell no pose, and outlines are more
+    /// Whether every region has samples beside its outline, as many as a pose has numbers: fewer determine no pose, and outlines are more
     /// than starts.
     pub(super) fn has_samples_on_all_edges(&self) -> bool {
         let is_edged = |world: &WorldRegion| {
@@ -157,17 +158,17 @@ impl Problem {
         self.sampled().len() == self.regions().len() && self.worlds().iter().all(is_edged)
     }
 
-    /// The same without the samples of regions that tell nothing at any of these answers, poses about the problem's origin with their
-    /// covariance and the scatter of contours, pixels; `None` where all regions' tell something.
+    /// The same without the samples of regions that are uninformative at all of these answers, poses about the problem's origin with their
+    /// covariance and the scatter of contours, pixels; `None` where those of all regions are informative.
     pub(crate) fn with_informative_samples_at(&self, answers: &[(Pose, Matrix6<f64>, f64)]) -> Option<Self> {
-        let tells = |region: &SampledRegion| {
+        let is_informative = |region: &SampledRegion| {
             // Of a line alone, the outline shows nothing.
             let is_line = self.worlds()[region.index()].is_line();
             is_line
                 || answers.iter().any(|(pose, covariance, scatter)| region.is_informative(pose, covariance, *scatter))
         };
-        let telling: Vec<bool> = self.sampled().iter().map(tells).collect();
-        (!answers.is_empty() && telling.contains(&false)).then(|| self.with_sampled(&telling))
+        let informative: Vec<bool> = self.sampled().iter().map(is_informative).collect();
+        (!answers.is_empty() && informative.contains(&false)).then(|| self.with_sampled(&informative))
     }
 
     /// The contours of the regions without samples.

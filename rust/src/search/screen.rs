@@ -9,17 +9,17 @@ use crate::options::{Options, Refinement};
 use crate::prior::Prior;
 use crate::problem::Problem;
 
-/// What was seen of poses on a few pieces while the search went on.
+/// Fits of candidates on a coarse subset of pieces, cached.
 pub(super) struct CandidateScreen<'a> {
     contours: &'a [Contour],
-    /// One piece in so many is looked at.
+    /// One piece in so many is evaluated.
     step: usize,
-    /// Whether poses may be led onto the contours: of several regions, whose contours tell a wrong one.
+    /// Whether poses may be refined on the contours: of several regions, whose contours reject a wrong one.
     refines: bool,
     /// Poses that the prior gives.
     pub(super) prior_poses: Vec<Pose>,
     last: Option<ContourFit>,
-    /// Starts that were led onto the contours, and where they came to.
+    /// Starts, and their refinements on the contours.
     refined: Vec<(Pose, ContourFit)>,
 }
 
@@ -39,18 +39,18 @@ impl<'a> CandidateScreen<'a> {
         self.last.as_ref()
     }
 
-    /// Whether all regions are where a pose shows them, or most of each once it is led onto the contours.
+    /// Whether a pose fits all regions cleanly, or most of each once it is refined on the contours.
     pub(super) fn explains(&mut self, pose: &Pose) -> bool {
         if self.at(pose).is_some_and(ContourFit::is_clean) {
             return true;
         }
-        let led = if self.refines { self.refined_from(pose) } else { None };
-        let explains = led.as_ref().is_some_and(is_mostly_clean);
-        self.refined.extend(led.map(|fit| (*pose, fit)));
+        let fit = if self.refines { self.refined_from(pose) } else { None };
+        let explains = fit.as_ref().is_some_and(is_mostly_clean);
+        self.refined.extend(fit.map(|fit| (*pose, fit)));
         explains
     }
 
-    /// Where a start leads on the contours, looked up where it was led before.
+    /// The refinement of a start on the contours, cached.
     pub(super) fn refined_from(&self, start: &Pose) -> Option<ContourFit> {
         match self.refined.iter().find(|(pose, _)| pose == start) {
             Some((_, fit)) => Some(fit.clone()),

@@ -53,11 +53,11 @@ pub(super) fn turned_about(
     found.into_iter().take(MOST_CANDIDATES).map(|(_, pose)| pose).collect()
 }
 
-/// The plane with the middle of what is known and with that of what is observed: disturbed parts move only one of them.
+/// The plane about the middle of the world regions and about that of the observed ones: disturbed parts move only the latter.
 fn drawings(problem: &Problem, pose: &Pose) -> Vec<Drawing> {
     let Some(plane) = common_plane(problem) else { return Vec::new() };
     let plane = PlaneFrame { origin: plane.origin - problem.origin(), ..plane };
-    let known = |world: &WorldRegion| {
+    let predicted = |world: &WorldRegion| {
         let flat = |ring: Vec<Vector3<f64>>| ring.iter().map(|x| plane.to_plane(&(x - problem.origin()))).collect();
         Some(world.rings().into_iter().map(flat).collect::<Vec<Vec<_>>>())
     };
@@ -65,7 +65,7 @@ fn drawings(problem: &Problem, pose: &Pose) -> Vec<Drawing> {
         let flat = |ring: &Vec<Vector2<f64>>| ring.iter().map(|point| on_plane(&plane, region, point, pose)).collect();
         region.outline().rings().iter().map(flat).collect::<Option<Vec<Vec<_>>>>()
     };
-    let middles = [middle(problem.worlds().iter().map(known)), middle(problem.regions().iter().map(observed))];
+    let middles = [middle(problem.worlds().iter().map(predicted)), middle(problem.regions().iter().map(observed))];
     let drawing = |middle: Vector2<f64>| Drawing { plane: plane.clone(), middle: plane.to_world(&middle) };
     middles.into_iter().flatten().map(drawing).collect()
 }

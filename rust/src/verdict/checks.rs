@@ -74,7 +74,7 @@ fn region_warnings(best: &Solution, alternatives: &[Solution], sampled: &[usize]
     warnings
 }
 
-/// What was known beforehand and is not so at the pose.
+/// Parts of the prior that the pose contradicts.
 fn contradictions(problem: &Problem, best: &Solution, prior: &Prior) -> Vec<Warning> {
     let (pose, covariance) = (&best.pose, &best.covariance);
     let initial = prior.initial_deviation(pose, covariance).filter(InitialDeviation::is_contradiction);

@@ -23,7 +23,7 @@ use crate::search::Search;
 use crate::search::candidates::{Candidates, SAME_PLACE};
 use crate::search::poses::distinct;
 
-/// The pose of a camera, and what is known of it.
+/// The pose of a camera, with its covariance, alternatives, confidence and warnings.
 #[derive(Debug, Clone)]
 #[must_use]
 pub struct Estimate {
@@ -125,7 +125,7 @@ impl Search {
         creases.iter().map(|crease| (crease.regions, self.problem.crease_segment(crease, pose))).collect()
     }
 
-    /// The poses that may be the answer: where regions have samples, what these leave possible about the outlines' answers.
+    /// The hypotheses: where regions have samples, modes of their posterior about the hypotheses of the outlines.
     fn all_hypotheses(&self, minima: Vec<Minimum>) -> Hypotheses<'_> {
         let hypotheses = self.hypotheses(minima);
         let starts: Vec<Pose> =
@@ -133,10 +133,10 @@ impl Search {
         let mut problem = Cow::Borrowed(&self.problem);
         while !problem.sampled().is_empty() {
             let sampled = self.sample_hypotheses(&problem, &starts);
-            let Some(silent) =
+            let Some(informative) =
                 problem.with_informative_samples_at(&sampled.iter().filter_map(Hypothesis::answer).collect::<Vec<_>>())
             else {
-                // Samples that hold nothing leave the outlines' answers, and regions that are judged by these.
+                // Without a mode, the hypotheses are those of the outlines, and regions are compared by these.
                 return match sampled.is_empty() {
                     true => {
                         Hypotheses { problem: Cow::Owned(problem.with_sampled(&[])), hypotheses, samples_unused: true }
@@ -144,7 +144,7 @@ impl Search {
                     false => Hypotheses { problem, hypotheses: sampled, samples_unused: false },
                 };
             };
-            problem = Cow::Owned(silent);
+            problem = Cow::Owned(informative);
         }
         Hypotheses { problem, hypotheses, samples_unused: false }
     }
@@ -163,10 +163,10 @@ impl Search {
         problem.posteriors(starts, &self.options.prior).into_iter().filter_map(hypothesis).collect()
     }
 
-    /// The poses that the outlines leave, those that fit best first.
+    /// The hypotheses of the outlines, those that fit best first.
     fn hypotheses(&self, minima: Vec<Minimum>) -> Vec<Hypothesis> {
         let (problem, contours) = (&self.problem, self.problem.contours());
-        // What is clean and fits from one pose alone shows it by a few pieces.
+        // A few pieces show whether a single pose fits cleanly.
         let few = if minima.len() > 1 { 1 } else { problem.coarse_stride() };
         let minima = minima.into_iter().filter_map(|minimum| {
             let pose = problem.centered(&minimum.pose);
@@ -174,12 +174,12 @@ impl Search {
             let fit = if few > 1 && !fit.is_clean() { ContourFit::at(contours, &pose, 1)? } else { fit };
             Some(Hypothesis::new(minimum.pose, Some(minimum), fit))
         });
-        let led = match &self.found {
+        let refined = match &self.found {
             Candidates::OnContours(fits) => fits.as_slice(),
             Candidates::NearMinima(_) => &[],
         };
-        let led = led.iter().map(|fit| Hypothesis::new(problem.uncentered(&fit.pose), None, fit.clone()));
-        let scored = minima.chain(led).map(|hypothesis| (hypothesis.cost(), hypothesis)).collect();
+        let refined = refined.iter().map(|fit| Hypothesis::new(problem.uncentered(&fit.pose), None, fit.clone()));
+        let scored = minima.chain(refined).map(|hypothesis| (hypothesis.cost(), hypothesis)).collect();
         distinct(scored, usize::MAX, SAME_PLACE, |hypothesis| &hypothesis.fit.pose)
             .into_iter()
             .map(|(_, hypothesis)| hypothesis)

@@ -7,12 +7,12 @@ use crate::geometry::pose::{PARAMETERS, Tangent};
 use crate::math::gaussian::Gaussian;
 use crate::options::FrameSigma;
 
-/// What each region of a scan is off beside the error of the whole, over that: 0.73 px, the scatter within frames of the offsets of
+/// Error of each region of a scan beside that of the whole, relative to the latter: 0.73 px, the scatter within frames of the offsets of
 /// `FrameSigma::default`.
 const OF_REGION: f64 = 0.6;
 
-/// Degrees of freedom of Student's distribution of how many times as far as that regions are off: as few as have a variance, which is
-/// then twice the squared scale.
+/// Degrees of freedom of Student's prior of the factor by which regions are off farther than that: the fewest with a variance, which
+/// is then twice the squared scale.
 const FREEDOM: f64 = 4.0;
 const VARIANCE: f64 = FREEDOM / (FREEDOM - 2.0);
 
@@ -20,17 +20,17 @@ const VARIANCE: f64 = FREEDOM / (FREEDOM - 2.0);
 const LOG_FACTORS: std::ops::Range<i32> = -7..16;
 const LOG_STEP: f64 = 1.0 / 3.0;
 
-/// Rotation, rad, from which on two poses are different places, as of the confidence: no region's factor is told of so far.
+/// Rotation, rad, from which on two poses are different hypotheses, as of the confidence: the bound of a region's mean.
 const ANOTHER_PLACE: f64 = 5.0 * std::f64::consts::PI / 180.0;
 
-/// Share of the covariance's information that keeps in place what regions leave free and a prior holds: a convention, as far as the shift
-/// by focal lengths is then too short.
+/// Share of the covariance's information that is added for directions that a prior alone constrains: a convention, by which the shift by
+/// focal lengths is then too short.
 const PRIOR: f64 = 0.01;
 
-/// Information, in units of the errors, that stands for what nothing is said of: a thousandfold of each.
+/// Information of unconstrained directions, in units of the errors: a deviation a thousandfold of each.
 const FREE: f64 = 1e-6;
 
-/// What a region says of the left increment, and where its middle is before the camera.
+/// The factor of a region on the left increment, and the region's center in the camera's frame.
 pub(super) struct RegionFactor {
     pub(super) factor: Gaussian,
     pub(super) place: Vector3<f64>,
@@ -71,7 +71,7 @@ pub(super) fn focal_shift(covariance: &Matrix6<f64>, factors: &[RegionFactor]) -
         return Tangent::from_element(f64::NAN);
     }
     let mut information: Matrix6<f64> = factors.iter().map(|region| region.factor.information).sum();
-    // What neighboring pieces share is left out of the factors: in units of the covariance they say more than it.
+    // What neighboring pieces share is left out of the factors: in units of the covariance they have more information than it.
     let unit = ((covariance * information).trace() / PARAMETERS as f64).max(1.0);
     information += covariance.try_inverse().unwrap_or_default() * (PRIOR * unit);
     let pulls = factors.iter().map(|RegionFactor { factor, place, .. }| {
@@ -91,14 +91,13 @@ fn by_regions(covariance: &Matrix6<f64>, factors: &[RegionFactor], sigma: &Frame
     if regions.is_empty() || unit.min() <= 0.0 {
         return Matrix6::zeros();
     }
-    // A pose gives way to a region's error by the covariance times what the region says.
+    // A region's error moves the pose by the covariance times the region's information.
     let scatter: Matrix6<f64> = regions.iter().map(|region| region.information * region.information).sum();
     let scatter = scatter.component_div(&(unit * unit.transpose())) * mean_square_factor(&regions);
     covariance * scatter * covariance
 }
 
-/// What a region says of the increment, in units of how far it is expected to be off: along independent axes, the information and that times
-/// the mean.
+/// The factor of a region, in units of its expected error: along independent axes, the information and that times the mean.
 struct Region {
     information: Matrix6<f64>,
     axes: Matrix6<f64>,
@@ -111,7 +110,7 @@ impl Region {
         let scaled = factor.information.component_mul(&(unit * unit.transpose()));
         let eigen = ((scaled + scaled.transpose()) * 0.5).symmetric_eigen();
         let along = eigen.eigenvectors.transpose() * factor.information_vector.component_mul(unit);
-        // Samples that contradict one another along an axis say nothing there, nor any of poses that are other places.
+        // Clamped: samples that contradict one another along an axis have no information there, and none on poses beyond the hypothesis.
         let most = ANOTHER_PLACE / unit[0];
         let along = along.zip_map(&eigen.eigenvalues, |along, value| {
             let most = most * value.max(0.0);

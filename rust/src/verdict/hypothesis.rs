@@ -59,7 +59,7 @@ impl Hypothesis {
         self.overlaps.get_or_init(|| region_overlaps(problem, &self.pose))
     }
 
-    /// What each region says of the left increment: its samples, or its contour where it has none.
+    /// The factor of each region on the left increment: of its samples, or of its contour where it has none.
     fn region_factors(&self, problem: &Problem) -> Vec<RegionFactor> {
         let none = || vec![Gaussian::default(); problem.worlds().len()];
         let mut factors = self.fit.region_gaussians(problem.contours()).unwrap_or_else(none);

@@ -30,7 +30,7 @@ pub(super) fn within_limit(sigmas: [f64; 3]) -> f64 {
     within(RIGHT, &sigmas).min(1.0)
 }
 
-/// Standard deviations of the rotation about its principal axes, degrees; infinite where they are not known.
+/// Standard deviations of the rotation about its principal axes, degrees; infinite where they are not finite.
 pub(super) fn rotation_sigmas(covariance: &Matrix6<f64>) -> [f64; 3] {
     let eigen = principal(&covariance.fixed_view::<3, 3>(0, 0).into_owned());
     eigen.map_or([f64::INFINITY; 3], |eigen| eigen.eigenvalues.map(|v| v.max(0.0).sqrt().to_degrees()).into())
@@ -39,7 +39,7 @@ pub(super) fn rotation_sigmas(covariance: &Matrix6<f64>) -> [f64; 3] {
 /// The deviation within the bounds.
 pub(super) fn bounded(sigma: f64) -> f64 {
     let (least, most) = ROTATION;
-    // The comparison's order makes a deviation that is not known the largest.
+    // The comparison's order makes a NaN the largest deviation.
     sigma.min(most).max(least)
 }
 

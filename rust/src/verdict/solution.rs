@@ -21,7 +21,7 @@ pub const TRUSTED: f64 = 0.97;
 pub struct Solution {
     /// `camera_from_world`.
     pub pose: Pose,
-    /// The minimum of the moments' equations that it is; `None` where it was led onto the contours.
+    /// The minimum of the moments' equations; `None` where the pose was refined on the contours.
     pub minimum: Option<Minimum>,
     /// What the contours show at the pose.
     pub fit: ContourFit,

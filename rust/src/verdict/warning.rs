@@ -48,7 +48,7 @@ pub enum Warning {
         /// The same of the other regions.
         others: f64,
     },
-    /// Nothing else is wrong, but too little of the contours speaks for the pose.
+    /// No other warning applies, but too little of the contours matches at the pose.
     LowConfidence {
         /// Probability that the pose is within 5 degrees of the true one, percent.
         percent: f64,
@@ -67,10 +67,10 @@ pub enum Warning {
         most_degrees: f64,
         /// The same of the translation.
         most_shift: f64,
-        /// What makes it weak, as far as can be told.
+        /// Causes, as far as they can be identified.
         causes: Vec<Cause>,
     },
-    /// The pose is not where the initial one says.
+    /// The pose contradicts the initial one.
     InitialContradicted {
         /// Rotation from the initial pose, degrees.
         degrees: f64,
@@ -79,21 +79,21 @@ pub enum Warning {
         /// Both in standard deviations of the initial pose and the pose together, where the initial one has any.
         sigmas: Option<f64>,
     },
-    /// Up is not where the prior says.
+    /// The pose contradicts the prior's up direction.
     UpContradicted {
         /// Angle, degrees.
         degrees: f64,
         /// The same in standard deviations.
         sigmas: f64,
     },
-    /// The camera is not where the prior says.
+    /// The pose contradicts the prior's camera place.
     PlaceContradicted {
         /// Distance between the two places.
         shift: f64,
         /// The same in standard deviations of prior and pose together.
         sigmas: f64,
     },
-    /// A region is seen from the side away from its viewpoint.
+    /// A region is seen from the side opposite to its viewpoint.
     SideContradicted {
         /// The region.
         region: usize,
@@ -155,7 +155,7 @@ impl RelativePose {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Cause {
-    /// A plane that faces the camera looks the same, to first order, after a small tilt either way.
+    /// A plane that faces the camera: to first order its view does not change with its tilt.
     Frontal {
         /// Angle between its normal and the ray.
         degrees: f64,

@@ -49,14 +49,14 @@ fn causes(problem: &Problem, pose: &Pose) -> Vec<Cause> {
     causes
 }
 
-/// Largest standard deviation and its direction; infinite, and no direction, where the covariance is not known.
+/// Largest standard deviation and its direction; infinite, and no direction, where the covariance is not finite.
 pub(crate) fn weakest(covariance: &Matrix3<f64>) -> (f64, Vector3<f64>) {
     let Some(eigen) = principal(covariance) else { return (f64::INFINITY, Vector3::zeros()) };
     let largest = eigen.eigenvalues.imax();
     (eigen.eigenvalues[largest].max(0.0).sqrt(), eigen.eigenvectors.column(largest).into_owned())
 }
 
-/// Variances along the principal axes, and these; `None` where the covariance is not known.
+/// Variances along the principal axes, and these; `None` where the covariance is not finite.
 pub(crate) fn principal(covariance: &Matrix3<f64>) -> Option<SymmetricEigen<f64, U3>> {
     let finite = covariance.iter().all(|value| value.is_finite());
     finite.then(|| covariance.try_symmetric_eigen(f64::EPSILON, 1000)).flatten()

@@ -45,7 +45,7 @@ impl Border {
     pub fn of(lines: &[Vec<Bearing>], chart: &Chart, outline: &PlaneRings, pixel: f64) -> Result<Option<Self>> {
         let mut lines = projected_lines("border", lines, chart)?;
         for (line, points) in lines.iter_mut().enumerate() {
-            // A line goes on beyond its ends as its last two points lead, so that they must not be one.
+            // A line is extended beyond its ends along its last two points, which must differ.
             points.dedup();
             if points.len() < 2 {
                 return Err(Error::ShortLine { item: "border", line, found: points.len() });
@@ -201,7 +201,7 @@ fn distance([from, to]: [Vector2<f64>; 2], point: &Vector2<f64>) -> f64 {
     (point - from - step * share.clamp(0.0, 1.0)).norm()
 }
 
-/// The ring around what the lines leave visible within a radius, counter-clockwise; some points inside are known.
+/// The ring around what the lines leave visible within a radius, counter-clockwise; `inside` are some points in it.
 fn visible(mut lines: Vec<Vec<Vector2<f64>>>, inside: &[Vector2<f64>], radius: f64) -> Vec<Vector2<f64>> {
     let ring = joined(&lines, radius);
     let within = std::slice::from_ref(&ring);

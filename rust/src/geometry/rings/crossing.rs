@@ -33,7 +33,7 @@ pub(super) fn check_apart(rings: &[CleanRing]) -> Result<()> {
         for (strip, active) in (first..).zip(&mut active[first..=last]) {
             active.retain(|other| other.along[1] >= edge.along[0]);
             for other in &*active {
-                // A pair that shares several strips is looked at in the first of these.
+                // A pair that shares several strips is tested in the first of these.
                 let is_first = strip == first || strip == strips.at(other.across[0]);
                 if is_first && other.across[0] <= edge.across[1] && edge.across[0] <= other.across[1] {
                     check_pair(rings, other, edge)?;

@@ -19,7 +19,7 @@ use scan::Scan;
 
 pub use pixels::{CONTOUR_LEVEL, Mask, MaskValue};
 
-/// What a mask says of its region.
+/// Area and contours of a mask's region.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MaskContours {
     /// Rings in pixels (integer = pixel center, x right, y down), as of [`PlaneRings::new`].
