@@ -79,7 +79,7 @@ fn poses() -> Vec<Pose> {
     (0..POSES).map(pose).collect()
 }
 
-/// The time of `work` for each edge that it looks at.
+/// The time of `work` for each edge that it evaluates.
 fn by_edge(bencher: &mut Bencher<'_>, edges: u64, mut work: impl FnMut()) {
     bencher.iter_custom(|wanted| {
         let rounds = wanted.div_ceil(edges);

@@ -78,14 +78,15 @@ pub struct FrameSigma {
 }
 
 impl FrameSigma {
-    /// Nothing is wrong, as with simulated exposures.
+    /// No errors, as of simulated exposures.
     pub const ZERO: Self = Self { rotation: 0.0, place: 0.0, focal: 0.0, center: 0.0 };
 }
 
 impl Default for FrameSigma {
-    /// A tenth of a degree: over five frames of a car's rig, 28 depth edges of a scan are 1.15 px off the photo's in the root mean square, of
-    /// a focal length of 720 px. 3 cm: ranges of scanners are good to 2 or 3. Half a percent: twice what OpenCV states of nine views of a
-    /// chessboard, 0.24 %, in which there is noise alone. 1.5 pixels: it states 1.4 of the center of the same views.
+    /// A tenth of a degree: over five frames of a car's rig, 28 depth edges of a scan are 1.15 px off the photo's in the root mean
+    /// square, of a focal length of 720 px. 3 cm: ranges of scanners are good to 2 or 3. Half a percent: twice what OpenCV states
+    /// of nine views of a chessboard, 0.24 %, in which there is noise alone. 1.5 pixels: it states 1.4 of the center of the same
+    /// views.
     fn default() -> Self {
         Self { rotation: 0.1 * DEGREE, place: 0.03, focal: 0.005, center: 1.5 }
     }

@@ -399,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn a_penalty_is_the_sum_of_squares_each_up_to_what_is_believed() {
+    fn a_penalty_is_the_sum_of_squares_each_up_to_a_bound() {
         let exact = Matrix6::zeros();
         let carried = |by: f64| Pose::new(pose().rotation, pose().translation + Vector3::new(by, 0.0, 0.0));
         let up = pose().rotation.inverse() * Rotation3::from_axis_angle(&Vector3::z_axis(), UP_SIGMA) * -Vector3::y();

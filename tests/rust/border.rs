@@ -290,7 +290,7 @@ fn a_line_of_no_bearings_is_refused_by_its_number() {
     }
 }
 
-/// A line goes on beyond its ends: twice the same bearing there leads nowhere, and is no other line.
+/// A line goes on beyond its ends: twice the same bearing there adds no direction, and gives the same line.
 #[test]
 fn a_bearing_given_twice_changes_no_line() {
     let scene = Cut::random(5, true);

@@ -113,7 +113,7 @@ fn symmetries(turns: usize) -> Vec<Rotation3<f64>> {
 #[test]
 fn symmetric_shapes_give_two_candidates_for_each_symmetry_of_their_affine_class() {
     let mut random = Random::new(22);
-    // An affine view tells a rectangle from no square: eight symmetries, four of them the rectangle's own.
+    // An affine view does not distinguish a rectangle from a square: eight symmetries, four of them the rectangle's own.
     for (ring, own, affine) in [(rectangle(1.6, 1.0), 2, 8), (regular(6, 0.8), 6, 12), (regular(4, 0.8), 4, 8)] {
         for front in [true, false] {
             let view = AffineView::new(&mut random, &ring, front);
@@ -164,7 +164,7 @@ proptest! {
         let center = world.frame().to_world(&centroid(&world.outline().rings()[0])) - origin;
         let ray = pose.transform(&center).normalize();
         prop_assert!((other.transform(&center) - pose.transform(&center)).norm() < 1e-12);
-        // Across the ray both show the plane's axes alike; along it one goes away where the other comes near.
+        // Across the ray both show the plane's axes alike; along it one recedes where the other approaches.
         for axis in &world.frame().axes()[..2] {
             let (one, two) = (pose.rotation * axis, other.rotation * axis);
             prop_assert!((one + two - (one - ray * ray.dot(&one)) * 2.0).norm() < 1e-12);
@@ -218,7 +218,7 @@ fn paper_solves(scene: &Scene, up: &Vector3<f64>, system: System) -> bool {
     estimate.is_ok_and(|estimate| scene.errors(&estimate.best.pose).0 < SOLVED)
 }
 
-/// Facing lies midway between two poses that look alike, so that least squares from there may end at the wrong one.
+/// Facing lies midway between two poses with like views, so that least squares from there may end at the wrong one.
 #[test]
 fn the_papers_start_is_solved_from_both_sides_of_facing() {
     for system in [System::Plane, System::Sphere] {

@@ -79,7 +79,7 @@ fn a_direction_that_is_free_has_a_finite_confidence() {
     }
 }
 
-/// Whatever the regions say of the place, a deviation of ten degrees leaves two poses in five within five.
+/// Whatever the odds of the hypothesis, a deviation of ten degrees leaves two poses in five within five.
 #[test]
 fn the_noise_alone_bounds_it() {
     let probability = Evidence { rotation_sigmas: [0.1, 0.1, 10.0], ..GOOD }.probability();
@@ -156,9 +156,9 @@ fn source() -> impl Strategy<Value = EvidenceSource> {
     prop_oneof![outlines, samples.prop_map(|(unseen, wrong, growth)| EvidenceSource::Samples { unseen, wrong, growth })]
 }
 
-/// Of four marked corners a pose leaves two numbers, and what is left of another pose says the less of which is right.
+/// Four marked corners leave a pose two degrees of freedom, so that residuals hardly choose between two poses.
 #[test]
-fn of_few_marked_corners_the_first_answer_is_right_as_often_as_its_share_says() {
+fn of_few_marked_corners_the_first_answer_is_right_as_often_as_its_probability() {
     let mut random = Random::new(17);
     let layout = || Layout { offset: 0.0, axis: Some(Vector3::z()), tilt: [0.02, 0.14], ..Layout::default() };
     let (mut several, mut right, mut stated) = (0, 0, 0.0);

@@ -116,15 +116,15 @@ fn pieces_that_are_followed_along_the_boundary_find_their_nearest_edges() {
         let problem = problem(&scene, &scene.observed);
         let pose = problem.centered(&scene.pose.retract(&Random::new(seed).tangent(3e-4, 1e-3)));
         for contour in problem.contours() {
-            let (mut known, mut followed) = (Vec::new(), Vec::new());
-            contour.read(&pose, 1, &mut known).unwrap();
+            let (mut nearest, mut followed) = (Vec::new(), Vec::new());
+            contour.read(&pose, 1, &mut nearest).unwrap();
             contour.for_each_row(&pose, 1, None, 2.0, |reading, _, _| followed.push(reading)).unwrap();
-            let off = known
+            let off = nearest
                 .iter()
                 .zip(&followed)
-                .map(|(known, followed)| (known.robust_distance - followed.robust_distance).abs());
+                .map(|(nearest, followed)| (nearest.robust_distance - followed.robust_distance).abs());
             // On the plane another edge may be nearest where two are about as near.
-            assert!(off.filter(|&off| off > 0.05).count() <= known.len() / 100, "seed {seed}");
+            assert!(off.filter(|&off| off > 0.05).count() <= nearest.len() / 100, "seed {seed}");
         }
     }
 }
@@ -240,12 +240,12 @@ fn a_refined_pose_is_likelier_than_its_start() {
         assert!(likelihood(&contours) > likelihood(&moments) && sum(&contours) < sum(&moments), "seed {seed}");
         let start = problem.centered(&scene.pose.retract(&Random::new(seed).tangent(0.02, 0.05)));
         let at_start = ContourFit::at(problem.contours(), &start, 1).unwrap();
-        let led = refined(problem.contours(), &start, 1).unwrap();
-        assert!(led.mixture.likelihood > at_start.mixture.likelihood, "seed {seed}");
+        let fit = refined(problem.contours(), &start, 1).unwrap();
+        assert!(fit.mixture.likelihood > at_start.mixture.likelihood, "seed {seed}");
         assert!(
-            led.gain_over(&at_start) > 0.0
-                && led.deviance_to(&at_start, f64::INFINITY) > 0.0
-                && led.deviance_to(&led, f64::INFINITY) == 0.0
+            fit.gain_over(&at_start) > 0.0
+                && fit.deviance_to(&at_start, f64::INFINITY) > 0.0
+                && fit.deviance_to(&fit, f64::INFINITY) == 0.0
         );
     }
 }
@@ -264,7 +264,7 @@ proptest! {
         // Where a piece's nearest edge changes within the step, differences of two lengths disagree.
         let wide = differences(&values, &Tangent::zeros(), 1.0);
         let narrow = differences(&|x: &Tangent| values(&(x * 0.5)), &Tangent::zeros(), 1.0) * 2.0;
-        // Where it changes at the pose itself they agree, and say neither edge's.
+        // Where it changes at the pose itself they agree with each other, but with neither edge.
         let (here, step) = (values(&Tangent::zeros()), 1e-3);
         let bend = |axis: usize| {
             let way = Tangent::ith(axis, step);

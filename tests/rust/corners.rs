@@ -92,7 +92,7 @@ proptest! {
         prop_assert!(least < 1e-6, "{least:.1e}");
         prop_assert!(poses.len() <= 24);
         for pose in &poses {
-            // Each looks just like the observed triangle.
+            // The projection of each is the observed triangle.
             let area = projected_area(&chart, &scene.worlds[0].rings(), pose).unwrap();
             prop_assert!((area - 1.0).abs() < 1e-6);
         }
@@ -166,7 +166,7 @@ fn hidden(random: &mut Random, region: &ObservedRegion, share: f64) -> ObservedR
     ObservedRegion::new(vec![kept.clone()], area(&kept) * FOCAL * FOCAL)
 }
 
-/// Regions with corners by themselves, of which an occluder's edge hides a part: their moments lead nowhere near.
+/// Regions with corners by themselves, of which an occluder's edge hides a part: their moments have no minimum near the pose.
 #[test]
 fn a_region_alone_is_found_behind_an_edge() {
     for (share, least) in [(0.1, 19), (0.3, 18)] {

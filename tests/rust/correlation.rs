@@ -15,7 +15,7 @@ fn neighbors_that_take_turns_sum_to_less_and_alike_ones_to_more() {
     assert_eq!(correlation(&[0.0; 8], &[8]), 1.0);
 }
 
-/// Two regions that vary, each by itself, as one: their order says nothing, one long region of both would.
+/// Two regions that vary, each by itself, as one: their order does not matter, that of one long region of both would.
 #[test]
 fn the_end_of_a_region_is_no_neighbor_of_the_next_ones_beginning() {
     let up: Vec<f64> = (0..60).map(|k| f64::from(k) / 60.0).collect();

@@ -1,4 +1,4 @@
-//! What a contour's noise says of its pose: the covariance where parts are off together.
+//! The covariance of a pose by contours with correlated noise.
 
 use crate::support::contours::{all_bitten, clicked};
 use crate::support::random::Random;
@@ -33,8 +33,8 @@ fn sides_whose_corners_are_off_are_not_taken_for_many_measurements() {
     for sigma in [0.2, 0.4, 1.0] {
         let shapes = || vec![vec![angle_piece(1.0)], vec![regular(5, 0.6)]];
         let inside = (0..200).filter(|_| mahalanobis(&mut random, shapes(), sigma) < CHI_SQUARED_90).count();
-        // Of twenty-two ends six parameters leave sixteen: the tail is longer than that of chi-squared. Corners nearer than what is
-        // known of them beforehand are taken for a little farther off.
+        // Of twenty-two ends six parameters leave sixteen: the tail is longer than that of chi-squared. Corners nearer than their
+        // prior noise are taken for a little farther off.
         assert!(
             inside > 130 && inside < if sigma < 0.29 { 198 } else { 195 },
             "{inside} of 200 true poses inside, corners {sigma} pixels off"
@@ -53,12 +53,12 @@ fn what_little_is_left_of_four_corners_is_not_taken_for_their_error() {
 }
 
 #[test]
-fn contours_tell_as_many_numbers_as_their_corners_and_what_lies_beside_sides() {
+fn degrees_of_freedom_are_those_of_corners_and_of_pieces_beside_sides() {
     let numbers = |shapes: Vec<Vec<Ring>>| {
         let scene = Scene::of_shapes(&mut Random::new(13), shapes, Layout::default());
         residual_dof(scene.problem(System::Plane, Integration::Boundary).contours(), 1)
     };
-    // Two a corner, without six and with one for what is known beforehand.
+    // Two a corner, without six and with one for the prior.
     for (shapes, needed) in [(vec![vec![regular(3, 0.6)]], 1.0), (vec![vec![regular(4, 0.6)]], 3.0)] {
         assert_eq!(numbers(shapes), needed);
     }

@@ -168,7 +168,7 @@ fn the_corner_of_a_house_holds_a_scan_of_its_lower_half() {
         let [(regions, ends)] = with.creases[..] else { panic!("seed {seed}: {} creases", with.creases.len()) };
         assert_eq!(regions, [0, 1]);
         assert!(((ends[1] - ends[0]).normalize().dot(&edge).abs() - 1.0).abs() < 1e-9);
-        // Two rectangles look alike upside down.
+        // Two rectangles have the same view upside down.
         let nearest = |estimate: &Estimate| {
             let answers = std::iter::once(&estimate.best).chain(&estimate.alternatives);
             let error = |solution: &Solution| scene.errors(&solution.pose).0;

@@ -89,7 +89,7 @@ proptest! {
     }
 }
 
-/// A planar region with a hole whose frame is given, so that the side it shows is known.
+/// A planar region with a hole whose frame is given, and with it the side it shows.
 fn one_sided(random: &mut Random, camera: &Pose, front: bool) -> Scene {
     let direction = random.direction();
     let (distance, tilt) = (random.uniform(3.0, 5.0), random.uniform(0.2, 1.0));

@@ -66,7 +66,7 @@ fn a_place_that_errs_turns_the_pose_by_its_parallax() {
     }
 }
 
-/// What directions leave free, the up direction or else the contours settle: an L alone, from either side, and two
+/// The up direction or else the contours determine the turn that directions leave free: an L alone, from either side, and two
 /// close by.
 #[test]
 fn a_turn_that_directions_leave_free_is_that_of_up_or_of_the_contours() {
@@ -87,9 +87,9 @@ fn a_turn_that_directions_leave_free_is_that_of_up_or_of_the_contours() {
     }
 }
 
-/// A turn that the directions hold to 10 degrees needs no other: the contours lead back from there.
+/// A turn that the directions constrain to 10 degrees needs no other start: the contours converge from there.
 #[test]
-fn the_contours_lead_back_from_a_turn_that_does_not_count_as_free() {
+fn the_contours_converge_from_a_turn_that_does_not_count_as_free() {
     let mut random = Random::new(84);
     for regions in [1, 2, 3] {
         for _ in 0..20 {
@@ -105,7 +105,7 @@ fn the_contours_lead_back_from_a_turn_that_does_not_count_as_free() {
     }
 }
 
-/// A region from whose own plane it is looked at has no direction; without any there is no pose.
+/// A region seen from a point of its own plane has no direction; without any there is no pose.
 #[test]
 fn a_place_in_a_regions_plane_or_no_place_gives_no_pose() {
     let scene = asymmetric(&mut Random::new(85), 1, 0.5);

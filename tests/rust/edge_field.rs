@@ -30,7 +30,10 @@ fn distance((a, b): &(Point, Point), point: &Point) -> f64 {
 /// be it from all edges, as for the first points of a cell, or from the cell's own.
 fn found_and_nearest(field: &EdgeField, edges: &[(Point, Point)], point: &Point) -> [f64; 2] {
     let first = field.nearest_edge(point);
-    assert!((0..ASKED).all(|_| field.nearest_edge(point) == first), "{point} is told another edge when asked again");
+    assert!(
+        (0..ASKED).all(|_| field.nearest_edge(point) == first),
+        "{point} has another nearest edge when asked again"
+    );
     let found = distance(&edges[first], point);
     [found, edges.iter().map(|edge| distance(edge, point)).fold(f64::INFINITY, f64::min)]
 }

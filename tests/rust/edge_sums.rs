@@ -169,7 +169,7 @@ fn sums_are_those_taken_edge_by_edge() {
             assert!(count.abs_diff(shown) <= doubts, "{count} edges for {shown}, {doubts} in doubt");
             all += count;
         }
-        assert!(all > 500, "{all} edges are too few to tell");
+        assert!(all > 500, "{all} edges are too few for this test");
     }
 }
 

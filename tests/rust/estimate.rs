@@ -334,7 +334,7 @@ fn a_start_out_of_view_ends_unconverged() {
 }
 
 #[test]
-fn a_single_evaluation_is_told_from_convergence() {
+fn a_single_evaluation_is_distinguished_from_convergence() {
     let scene = Scene::random(&mut Random::new(55), Layout::default());
     let problem = scene.problem(System::Plane, Integration::Boundary);
     let start = scene.pose.retract(&Random::new(1).tangent(0.2, 0.2));

@@ -1,4 +1,4 @@
-//! What random inputs found: each is refused, bounded, or has a finite answer that says what is wrong.
+//! Inputs found by fuzzing: each is refused, bounded, or has a finite answer with a warning.
 
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
@@ -89,9 +89,9 @@ fn overlap_errors_are_finite_at_any_pose() {
     assert!(all < 1e-9 && each.iter().all(|error| *error < 1e-9));
 }
 
-/// Turned away by half a turn, nothing of any region is shown.
+/// Turned by half a turn, no region is in view.
 #[test]
-fn a_pose_that_looks_away_misses_all_of_every_region() {
+fn a_pose_that_faces_the_other_way_misses_all_of_every_region() {
     let scene = scene(2);
     let problem = scene.problem(System::Plane, Integration::Boundary);
     let across = scene.observed[0].rings[0][0].cross(&scene.observed[1].rings[0][0]).normalize();
@@ -155,9 +155,9 @@ fn hopeless(vertices: usize) -> Problem {
     let mut random = Random::new(64);
     let plane = Pose::new(Rotation3::from_scaled_axis(Vector3::new(0.3, 1.2, 0.1)), Vector3::new(0.1, 0.2, 3.0));
     let mut pair = || {
-        let known: Vec<_> = star(&mut random, vertices, 1.0).iter().map(|p| plane.transform(&p.push(0.0))).collect();
+        let ring: Vec<_> = star(&mut random, vertices, 1.0).iter().map(|p| plane.transform(&p.push(0.0))).collect();
         let seen: Vec<_> = star(&mut random, vertices, 0.5).iter().map(|p| p.push(3.0)).collect();
-        (ObservedRegion::new(vec![seen], 1e5), WorldRegion::from_rings(&[known]).unwrap())
+        (ObservedRegion::new(vec![seen], 1e5), WorldRegion::from_rings(&[ring]).unwrap())
     };
     let (observed, worlds): (Vec<_>, Vec<_>) = (0..3).map(|_| pair()).unzip();
     Problem::new(&observed, &worlds).unwrap()
@@ -165,7 +165,7 @@ fn hopeless(vertices: usize) -> Problem {
 
 /// The same work within the same bound: the same answer.
 #[test]
-fn a_search_that_spends_its_work_answers_with_what_it_found_and_says_so() {
+fn a_search_that_exhausts_its_budget_answers_with_what_it_found_and_a_warning() {
     let problem = hopeless(40);
     let estimates = [(); 2].map(|()| budget::limited(2_000_000, || problem.estimate()));
     for (estimate, spent) in &estimates {
@@ -179,7 +179,7 @@ fn a_search_that_spends_its_work_answers_with_what_it_found_and_says_so() {
 }
 
 #[test]
-fn a_search_that_nobody_waits_for_ends() {
+fn a_canceled_search_ends() {
     let problem = hopeless(200);
     let gone = Arc::new(AtomicBool::new(false));
     let stop: budget::Cancel = {
@@ -195,11 +195,11 @@ fn a_search_that_nobody_waits_for_ends() {
 fn beset(vertices: usize, by: impl Fn(Vec<Vector3<f64>>, &mut ObservedRegion)) -> Problem {
     let mut random = Random::new(67);
     let plane = Pose::new(Rotation3::from_scaled_axis(Vector3::new(0.3, 0.2, 0.1)), Vector3::new(0.1, 0.2, 3.0));
-    let known: Vec<_> = star(&mut random, vertices, 1.0).iter().map(|p| plane.transform(&p.push(0.0))).collect();
-    let line = known[..vertices * 4 / 5].iter().map(|x| x + random.direction() * 1e-4).collect();
-    let mut observed = ObservedRegion::new(vec![known.clone()], 1e5);
+    let ring: Vec<_> = star(&mut random, vertices, 1.0).iter().map(|p| plane.transform(&p.push(0.0))).collect();
+    let line = ring[..vertices * 4 / 5].iter().map(|x| x + random.direction() * 1e-4).collect();
+    let mut observed = ObservedRegion::new(vec![ring.clone()], 1e5);
     by(line, &mut observed);
-    Problem::new(&[observed], &[WorldRegion::from_rings(&[known]).unwrap()]).unwrap()
+    Problem::new(&[observed], &[WorldRegion::from_rings(&[ring]).unwrap()]).unwrap()
 }
 
 fn along_border(line: Vec<Vector3<f64>>, observed: &mut ObservedRegion) {
@@ -212,18 +212,18 @@ fn behind_edges(line: Vec<Vector3<f64>>, observed: &mut ObservedRegion) {
 
 /// Twice as many edges beside twice as many take about twice the work, and not four times as much.
 #[test]
-fn a_look_at_an_outline_beside_many_edges_takes_as_much_as_there_are() {
-    let looks = [400, 800].map(|vertices| {
+fn an_evaluation_of_an_outline_beside_many_edges_costs_in_proportion_to_these() {
+    let costs = [400, 800].map(|vertices| {
         let (problem, made) = budget::measured(|| beset(vertices, along_border));
-        let look = || (0..20).filter_map(|k| problem.evaluate(&turned(k), Weighting::Uniform)).count();
-        let (seen, work) = budget::measured(look);
-        assert_eq!(seen, 20);
+        let evaluate = || (0..20).filter_map(|k| problem.evaluate(&turned(k), Weighting::Uniform)).count();
+        let (in_view, work) = budget::measured(evaluate);
+        assert_eq!(in_view, 20);
         assert!(work < 20 * 2 * problem.work(), "{vertices}: {work} of {}", problem.work());
         (made + budget::measured(|| beset(vertices, behind_edges)).1, work)
     });
-    let [(made, look), (more_made, more_look)] = looks;
+    let [(made, evaluated), (more_made, more_evaluated)] = costs;
     assert!(more_made < 3 * made, "{made}, {more_made}");
-    assert!(more_look < 3 * look, "{look}, {more_look}");
+    assert!(more_evaluated < 3 * evaluated, "{evaluated}, {more_evaluated}");
 }
 
 /// A pose near that of [`beset`].
@@ -241,8 +241,8 @@ fn a_search_beside_several_hundred_edges_is_bounded() {
         assert!(work < most + most / 10, "{name}: {work}, bound {most}");
         let minima = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
         let estimate = search.assess(minima).unwrap();
-        let says_so = estimate.warnings.iter().any(|warning| warning.code() == "not-converged");
-        assert_eq!(says_so, work >= most, "{name}: {work}, bound {most}");
+        let has_warning = estimate.warnings.iter().any(|warning| warning.code() == "not-converged");
+        assert_eq!(has_warning, work >= most, "{name}: {work}, bound {most}");
     }
 }
 
@@ -259,13 +259,13 @@ fn a_quadrature_on_the_sphere_is_counted_by_its_points() {
     assert!(work(System::Plane, mesh) > work(System::Plane, Integration::Boundary));
 }
 
-/// A stop that is heard at the first question.
+/// A cancellation at the first poll.
 fn at_once() -> budget::Cancel {
     Arc::new(|| true)
 }
 
 #[test]
-fn a_mesh_that_nobody_waits_for_is_not_made() {
+fn a_canceled_mesh_is_not_made() {
     let region = PlaneRings::new(vec![star(&mut Random::new(66), 40, 1.0)]).unwrap();
     let mut made = None;
     let meshes = || (0..2).for_each(|_| made = Some(even_mesh(&region, 0.01)));
@@ -289,7 +289,7 @@ fn ordinary_searches_spend_a_part_of_what_they_may() {
     }
 }
 
-/// A search looks thousands of times, and leads to the same place however it sums.
+/// A search takes thousands of evaluations, and its result does not depend on the integration.
 #[test]
 fn a_mesh_is_searched_along_its_boundary() {
     let scene = scene(2);
@@ -301,7 +301,7 @@ fn a_mesh_is_searched_along_its_boundary() {
             assert!(!minima.is_empty() && minima.iter().all(|minimum| minimum.converged && minimum.evaluations < 10));
             (search.problem().work(), work)
         });
-        assert!(mesh.0 > 20 * boundary.0, "the solution's looks are the mesh's: {} of {}", mesh.0, boundary.0);
+        assert!(mesh.0 > 20 * boundary.0, "the solution's evaluations are the mesh's: {} of {}", mesh.0, boundary.0);
         assert!(mesh.1 < 2 * boundary.1, "{system:?}: {} along the boundary, {} over a mesh", boundary.1, mesh.1);
     }
 }

@@ -29,14 +29,14 @@ fn the_error_of_an_exposure_adds_to_the_covariance() {
     let whole = estimated(&scene.observed, &scene.worlds, sigma).best;
     assert!((pixel_angle * FOCAL - 1.0).abs() < 0.02, "{pixel_angle}");
     let turn = sigma.rotation.powi(2) + (sigma.center * pixel_angle).powi(2);
-    // Of outlines that are known the place has no error of its own.
+    // Of exact outlines the place has no error of its own.
     let added = Matrix6::from_diagonal(&Vector6::new(turn, turn, turn, 0.0, 0.0, 0.0))
         + alone.focal_shift * alone.focal_shift.transpose() * (sigma.focal * sigma.focal);
     assert!((whole.covariance - alone.covariance - added).amax() < 1e-12);
     assert_eq!((whole.confidence, whole.mode_probability), (alone.confidence, alone.mode_probability));
 }
 
-/// The derivative by the focal lengths, from what each region says as a whole, against poses of photos by a lens whose angles are a
+/// The derivative by the focal lengths, from the factor of each region as a whole, against poses of photos by a lens whose angles are a
 /// thousandth larger and smaller: 4 % off in the median, 7 % at most.
 #[test]
 fn focal_lengths_move_a_pose_as_stated() {

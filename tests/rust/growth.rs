@@ -142,7 +142,7 @@ fn many(regions: usize) -> Problem {
     Problem::new(&observed, &worlds).unwrap()
 }
 
-/// From 24 regions on, which all are compared, further ones take a look each to choose among them.
+/// Up to 24 regions, all are compared; further ones take one evaluation each to choose among them.
 #[test]
 fn poses_of_centroids_grow_as_regions_do() {
     assert_growth("centroids", 100, |regions| {
@@ -161,24 +161,25 @@ fn creases_grow_as_regions_do() {
     });
 }
 
-/// Looks at the whole of it that an estimate takes: where these stay, the work grows as the problem does.
-fn looks(problem: &Problem) -> f64 {
+/// Cost of an estimate, in evaluations of all of the problem: where these stay, the work grows as the problem does.
+fn evaluations(problem: &Problem) -> f64 {
     let (estimate, work) = budget::measured(|| problem.estimate());
     assert!(estimate.is_ok());
     work as f64 / problem.work() as f64
 }
 
 #[test]
-fn looks_do_not_grow_with_vertices() {
+fn evaluations_do_not_grow_with_vertices() {
     let scene = |vertices| Scene::of_shapes(&mut Random::new(3), vec![vec![wavy(vertices)]], Layout::default());
-    let [few, many] = [200, 800]
-        .map(|vertices| looks(&scene(vertices).problem(regionpose::System::Plane, regionpose::Integration::Boundary)));
+    let [few, many] = [200, 800].map(|vertices| {
+        evaluations(&scene(vertices).problem(regionpose::System::Plane, regionpose::Integration::Boundary))
+    });
     assert!(many < 1.5 * few, "{few}, {many}");
 }
 
 #[test]
-fn looks_do_not_grow_with_regions() {
-    let [few, many] = [10, 40].map(|regions| looks(&self::many(regions)));
+fn evaluations_do_not_grow_with_regions() {
+    let [few, many] = [10, 40].map(|regions| evaluations(&self::many(regions)));
     assert!(many < 1.5 * few, "{few}, {many}");
 }
 
@@ -200,13 +201,13 @@ fn sampled_sieve(rows: usize, to_a_hole: usize) -> Problem {
 }
 
 #[test]
-fn looks_do_not_grow_with_holes() {
-    let [few, many] = [3, 6].map(|rows| looks(&sampled_sieve(rows, 20)));
+fn evaluations_do_not_grow_with_holes() {
+    let [few, many] = [3, 6].map(|rows| evaluations(&sampled_sieve(rows, 20)));
     assert!(many < 1.5 * few, "{few}, {many}");
 }
 
 #[test]
-fn looks_do_not_grow_with_samples() {
-    let [few, many] = [20, 80].map(|to_a_hole| looks(&sampled_sieve(3, to_a_hole)));
+fn evaluations_do_not_grow_with_samples() {
+    let [few, many] = [20, 80].map(|to_a_hole| evaluations(&sampled_sieve(3, to_a_hole)));
     assert!(many < 1.5 * few, "{few}, {many}");
 }

@@ -46,5 +46,5 @@ mod samples;
 mod scene_steps;
 mod segments;
 mod signed_distance;
-mod silent;
 mod symmetry;
+mod uninformative;

@@ -1,4 +1,4 @@
-//! Contours of masks: small pictures whose rings are known, and laws over random ones.
+//! Contours of masks: small pictures with their rings, and laws over random ones.
 
 use nalgebra::Vector2;
 use proptest::prelude::*;

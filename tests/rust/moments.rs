@@ -343,8 +343,8 @@ fn a_triangle_seen_edge_on_has_no_moments() {
 #[test]
 fn a_mesh_with_a_wrong_index_is_refused_by_name() {
     let error = mesh_plane_moments(&unit_square(), &[[0, 1, 2], [0, 2, 4]], 2).unwrap_err();
-    let told = "a triangle's vertex index is 4 (triangle 1); it needs to be below the number of vertices, 4";
-    assert_eq!(error.to_string(), told);
+    let message = "a triangle's vertex index is 4 (triangle 1); it needs to be below the number of vertices, 4";
+    assert_eq!(error.to_string(), message);
     assert!(mesh_sphere_moments(&[Vector3::z()], &[[0, 0, 1]], 2, 1).is_err());
 }
 

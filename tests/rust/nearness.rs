@@ -53,7 +53,7 @@ fn equal_deviations_and_such_about_fewer_axes_have_closed_forms() {
 }
 
 #[test]
-fn what_is_not_known_is_hardly_near() {
+fn a_pose_without_a_covariance_is_hardly_near() {
     for unknown in [f64::INFINITY, f64::NAN] {
         assert!((0.0..1e-3).contains(&nearness(&Matrix6::repeat(unknown))));
     }

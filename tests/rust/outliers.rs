@@ -1,5 +1,5 @@
-//! The odds of each region: those that belong to a pose speak for it, one that lies elsewhere does not; and which of regions that
-//! contradict one another are right.
+//! Odds that each region is an inlier of a pose: high for inliers, low for a displaced region; and which of regions that contradict
+//! one another are right.
 
 use crate::support::contours::{all_bitten, one_turned};
 use crate::support::random::Random;
@@ -48,7 +48,7 @@ fn a_region_alone_belongs_to_its_pose() {
 }
 
 #[test]
-fn contours_tell_that_regions_are_there_and_nothing_of_a_pose_beside() {
+fn contours_confirm_a_pose_and_not_one_beside_it() {
     let increment = Vector6::new(0.0, 0.02, 0.0, 0.1, 0.0, 0.0);
     for seed in 0..6 {
         let scene = scene(seed, 3);

@@ -81,7 +81,7 @@ fn holes_and_islands_count() {
 }
 
 #[test]
-fn a_star_of_two_triangles_is_known_from_its_corners() {
+fn a_star_of_two_triangles_follows_from_its_corners() {
     let triangle = |turn: f64| -> Ring {
         (0..3)
             .map(|k| TAU * (k as f64 + turn) / 3.0)

@@ -9,7 +9,7 @@ use regionpose::internals::search::p3p::three_point_poses;
 /// Error of the true pose among the solutions, rad and share of the distance.
 const EXACT: f64 = 1e-9;
 
-/// Smallest sine between two sides of a triangle that is told from a line, and between its plane and a ray.
+/// Smallest sine between two sides of a triangle that is not degenerate, and between its plane and a ray.
 const FLAT: f64 = 0.05;
 
 /// Three points about the origin, seen from 1 to 5 units away.

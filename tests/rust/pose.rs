@@ -126,7 +126,7 @@ proptest! {
 
 /// Any two poses, and half a turn about any axis, where a matrix's skew part is no guide.
 #[test]
-fn the_increment_to_a_pose_leads_there() {
+fn the_increment_to_a_pose_retracts_to_it() {
     let mut random = Random::new(5);
     for trial in 0..200 {
         let from = random.pose(10.0);

@@ -1,5 +1,5 @@
-//! What is known beforehand settles what the regions leave open, never more, and each warning is raised where it should be
-//! and nowhere else.
+//! A prior resolves ambiguities and free directions of the regions, never more, and each warning is raised where it should be and
+//! nowhere else.
 
 use crate::support::jacobian::{assert_jacobian, differences};
 use crate::support::random::Random;
@@ -41,7 +41,7 @@ fn view_of(random: &mut Random, rings: &[Ring], distance: f64, tilt: f64) -> Sce
     Scene::of_rings(camera_from_plane.after(&world_from_plane.inverse()), &regions)
 }
 
-/// A prior around the truth, in error by what it says.
+/// A prior around the truth, in error by its standard deviations.
 fn rough(random: &mut Random, truth: &Pose) -> Prior {
     let [a, b, c, x, y, z] = [0; 6].map(|_| random.normal());
     let turn = Rotation3::new(Vector3::new(a, b, c) * ROUGH.rotation);
@@ -101,9 +101,9 @@ fn a_rough_prior_does_not_move_a_pose_that_is_held() {
         let scene = Scene::random(&mut random, Layout { regions, ..Layout::default() });
         let free = estimated(&scene, &Prior::default());
         for prior in [rough(&mut random, &scene.pose), up_of(&scene.pose)] {
-            let told = estimated(&scene, &prior);
-            assert!(told.best.pose.angle_to(&free.best.pose) < 1e-9);
-            assert_eq!(told.warnings, free.warnings);
+            let with_prior = estimated(&scene, &prior);
+            assert!(with_prior.best.pose.angle_to(&free.best.pose) < 1e-9);
+            assert_eq!(with_prior.warnings, free.warnings);
         }
     }
 }
@@ -128,10 +128,10 @@ fn terms(random: &mut Random, initial: &Pose, upright: &Pose, place: &Pose) -> [
 
 /// Minus the log density of a pose moved by an increment, without the bound on what a wrong prior counts.
 fn energy(prior: &Prior, pose: &Pose, by: &Tangent) -> f64 {
-    let (moved, known) = (pose.retract(by), Matrix6::zeros());
-    let initial = prior.initial_deviation(&moved, &known).and_then(|from| from.sigmas);
-    let up = prior.up_deviation(&moved, &known).map(|from| from.sigmas);
-    let near = prior.place_deviation(&moved, &known).map(|from| from.sigmas);
+    let (moved, exact) = (pose.retract(by), Matrix6::zeros());
+    let initial = prior.initial_deviation(&moved, &exact).and_then(|from| from.sigmas);
+    let up = prior.up_deviation(&moved, &exact).map(|from| from.sigmas);
+    let near = prior.place_deviation(&moved, &exact).map(|from| from.sigmas);
     [initial, up, near].into_iter().flatten().map(|sigmas| 0.5 * sigmas * sigmas).sum()
 }
 
@@ -174,7 +174,7 @@ fn a_priors_gaussian_has_the_curvature_of_its_density_where_they_agree() {
 
 /// From anywhere: each term's own mean is one Newton step away, and stays put.
 #[test]
-fn one_step_by_a_priors_gaussian_leads_to_its_mean() {
+fn one_step_by_a_priors_gaussian_ends_at_its_mean() {
     let mut random = Random::new(73);
     for _ in 0..20 {
         let (pose, mean) = (random.pose(5.0), random.pose(5.0));
@@ -190,13 +190,13 @@ fn one_step_by_a_priors_gaussian_leads_to_its_mean() {
         let (direction, sigma) = upright.up().unwrap();
         let turn = Rotation3::new(up.information_vector.fixed_rows::<3>(0) * (sigma * sigma));
         assert!((turn * pose.rotation * direction.normalize() + Vector3::y()).norm() < 1e-9);
-        // It says nothing of a turn about up.
+        // It has no information on a turn about up.
         assert!((up.information.fixed_view::<3, 3>(0, 0) * (pose.rotation * direction)).norm() < 1e-9);
     }
     assert!(Prior::default().gaussian(&random.pose(5.0)).information == Matrix6::zeros());
 }
 
-/// A camera known to stand near a place: it settles which of a rectangle's poses, from four sides, and moves none.
+/// A prior of the camera's place chooses one of a rectangle's poses, from four sides, and moves none.
 #[test]
 fn a_place_the_camera_is_near_leaves_one_pose_of_a_rectangle() {
     let mut random = Random::new(74);
@@ -285,7 +285,7 @@ fn a_viewpoint_in_the_plane_is_refused() {
 
 /// Half a turn about the normal, and about each side: 180 degrees all three, the camera across the poster and behind it.
 #[test]
-fn an_ambiguous_pose_says_how_far_the_others_are() {
+fn an_ambiguous_pose_has_the_distances_of_the_others() {
     let scene = view(&mut Random::new(66), rectangle(1.6, 1.0), 0.5);
     let estimate = estimated(&scene, &Prior::default());
     let Some(Warning::Ambiguous { others }) = estimate.warnings.first() else { panic!("{:?}", estimate.warnings) };

@@ -245,7 +245,7 @@ fn rounding_leaves_the_pose() {
     }
 }
 
-/// An outline without holes is not compared with enclosed samples, so that windows, which a scan looks through, change nothing.
+/// An outline without holes is not compared with enclosed samples, so that windows, which a scan passes through, change nothing.
 #[test]
 fn windows_count_where_the_image_has_a_hole() {
     let mut random = Random::new(9);
@@ -350,7 +350,7 @@ fn a_region_whose_samples_lie_elsewhere_is_named() {
     assert!(estimate.warnings.iter().any(named), "{:?}", estimate.warnings);
 }
 
-fn known(pose: Pose) -> Prior {
+fn near_initial(pose: Pose) -> Prior {
     let sigma = PoseSigma { rotation: 1e-3, place: 1e-3 };
     Prior::default().with_initial(pose, Some(sigma)).unwrap()
 }
@@ -361,7 +361,7 @@ fn a_prior_holds_what_few_samples_leave_free() {
     let scene = Scene::random(&mut random, layout(1));
     let worlds = sampled(&mut random, &scene.worlds, 0.25, 1.0);
     let free = estimated(&scene, &worlds, Prior::default()).best.covariance.trace();
-    let held = estimated(&scene, &worlds, known(scene.pose));
+    let held = estimated(&scene, &worlds, near_initial(scene.pose));
     assert!(held.best.covariance.trace() < 0.2 * free && scene.errors(&held.best.pose).0 < 3e-3);
 }
 
@@ -371,7 +371,7 @@ fn a_prior_that_samples_contradict_is_left_out_and_warned_of() {
     let scene = Scene::random(&mut random, layout(3));
     let worlds = sampled(&mut random, &scene.worlds, 0.1, 1.0);
     let elsewhere = scene.pose.retract(&Tangent::new(0.3, -0.4, 0.2, 0.5, 0.1, 0.2));
-    let estimate = estimated(&scene, &worlds, known(elsewhere));
+    let estimate = estimated(&scene, &worlds, near_initial(elsewhere));
     assert!(scene.errors(&estimate.best.pose).0 < 6e-3, "{:?}", scene.errors(&estimate.best.pose));
     let warned = |warning: &Warning| matches!(warning, Warning::InitialContradicted { .. });
     assert!(estimate.warnings.iter().any(warned), "{:?}", estimate.warnings);

@@ -21,7 +21,7 @@ fn posterior(sigma: f64, sites: &mut [LabelSite]) -> (Normal, f64) {
     (found.increment, found.log_evidence)
 }
 
-/// One direction is free, the others known: moments and evidence of a few labels against quadrature.
+/// One direction is free, the others fixed: moments and evidence of a few labels against quadrature.
 #[test]
 fn moments_of_a_line_are_those_of_quadrature() {
     let slope = Vector6::new(1.0, 0.0, 0.0, 0.0, 0.0, 0.0);
@@ -226,7 +226,7 @@ fn by_fine_grid(labels: &[SegmentLabel], times: f64, before: &Normal<2>, about: 
     (Normal { mean: about.mean + mean, covariance }, most + (all * area).ln())
 }
 
-/// From a million deviations away a dozen grids do not come there.
+/// From a million deviations away a dozen grids do not converge.
 #[test]
 fn quadratures_that_do_not_converge_report_it() {
     let before = Normal { mean: Vector2::zeros(), covariance: Matrix2::identity() };

@@ -95,7 +95,7 @@ fn a_bent_wall_has_none_and_nothing_neither() {
 }
 
 #[test]
-fn a_hidden_wall_says_nothing() {
+fn a_hidden_wall_is_uninformative() {
     let mut points = card_and_wall(HALF);
     let behind: Vec<_> = points.iter().map(|point| point * 3.0).collect();
     let alone = depth_steps(&points);

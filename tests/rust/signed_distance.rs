@@ -75,7 +75,7 @@ fn segments_are_sides_or_parts_of_the_size() {
     assert!(circle.is_sorted() && (17..=70).contains(&circle[399]), "{circle:?}");
 }
 
-/// Segments are numbered ring by ring; a side that a mask makes of steps has the normal of what leads from its start to its end.
+/// Segments are numbered ring by ring; a side that a mask makes of steps has the normal of the line from its start to its end.
 #[test]
 fn segments_have_their_ring_and_normal() {
     let steps = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.01], [2.0, 0.01], [2.0, 1.0], [0.0, 1.0]];

@@ -1,4 +1,4 @@
-//! Symmetric regions with disturbed parts: every turn that looks the same is an answer, and shapes without symmetry have one.
+//! Symmetric regions with disturbed parts: every turn with the same view is an answer, and shapes without symmetry have one.
 
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Ring, Scene, SpaceRing, angle_piece, regular};
@@ -12,7 +12,7 @@ const FOUND: f64 = 0.006;
 /// Depth of a bite over the length of its edge.
 const DEPTH: f64 = 0.15;
 
-/// The ring with a bite out of the middle of the chosen edges, each after as much of the edge as the seed says.
+/// The ring with a bite out of the middle of the chosen edges, each after a random part of the edge.
 fn bitten(random: &mut Random, ring: &SpaceRing, inward: &Vector3<f64>, edges: &[usize]) -> SpaceRing {
     let mut result = Vec::new();
     for (k, a) in ring.iter().enumerate() {
@@ -46,7 +46,7 @@ fn estimated(scene: &Scene) -> Estimate {
     problem.estimate().unwrap()
 }
 
-/// The poses at which a regular shape looks the same: its turns, as it is and turned over.
+/// The poses with the same view of a regular shape: its turns, as it is and turned over.
 fn symmetric(scene: &Scene, ring: &SpaceRing, order: usize) -> Vec<Pose> {
     let middle = ring.iter().sum::<Vector3<f64>>() / ring.len() as f64;
     let normal = Unit::new_normalize((ring[0] - middle).cross(&(ring[1] - middle)));

@@ -158,12 +158,12 @@ pub fn matrix<'py>(py: Python<'py>, values: Vec<f64>, shape: [usize; 2]) -> PyRe
     PyArray1::from_vec(py, values).reshape(shape)
 }
 
-/// An (n,) array that nobody can write to: what is kept of an answer needs no copy.
+/// A read-only (n,) array, so that an answer can keep it without a copy.
 pub fn read_only<'py>(py: Python<'py>, values: &[f64]) -> Bound<'py, PyArray1<f64>> {
     kept(PyArray1::from_slice(py, values))
 }
 
-/// The array, which nobody can write to any more.
+/// The array, made read-only.
 pub fn kept<'py, D: Dimension>(array: Bound<'py, PyArray<f64, D>>) -> Bound<'py, PyArray<f64, D>> {
     array.readwrite().make_nonwriteable();
     array

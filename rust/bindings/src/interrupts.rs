@@ -1,4 +1,4 @@
-//! Work without the interpreter that Ctrl-C ends all the same.
+//! Work without the interpreter's lock that Ctrl-C cancels.
 
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,27 +11,27 @@ use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use regionpose::internals::budget::{self, Cancel};
 
-/// How often signals are looked for while other threads work: a hundred times in the second that users wait.
-const LOOK: Duration = Duration::from_millis(10);
+/// Interval between polls of signals while other threads work: Ctrl-C takes effect at once for a user.
+const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
 /// The exception that a signal's handler raised, if one did.
 #[derive(Clone, Default)]
 struct Raised(Arc<Mutex<Option<PyErr>>>);
 
 impl Raised {
-    /// Runs the handlers of signals that came, which only the main thread does; whether one raised.
-    fn look(&self) -> bool {
-        self.look_at(&|_| Ok(()))
+    /// Runs the handlers of pending signals, which only the main thread does; whether one raised.
+    fn poll(&self) -> bool {
+        self.poll_with(&|_| Ok(()))
     }
 
-    /// Runs the handlers of signals, and what else is to be run meanwhile; whether one raised.
-    fn look_at(&self, watch: &impl Fn(Python<'_>) -> PyResult<()>) -> bool {
+    /// Runs the handlers of pending signals, and `watch`; whether one raised.
+    fn poll_with(&self, watch: &impl Fn(Python<'_>) -> PyResult<()>) -> bool {
         let Err(error) = Python::attach(|py| py.check_signals().and_then(|()| watch(py))) else { return false };
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
         true
     }
 
-    /// What was found, unless a handler raised meanwhile.
+    /// The result, or the error that a handler raised meanwhile.
     fn or<T>(&self, found: T) -> PyResult<T> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(found), Err)
     }
@@ -42,14 +42,14 @@ pub fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyR
     let raised = Raised::default();
     let stop: Cancel = {
         let raised = raised.clone();
-        Arc::new(move || raised.look())
+        Arc::new(move || raised.poll())
     };
     let found = py.detach(|| budget::cancellable(stop, work));
     // Only an exception ends it early.
     raised.or(found)?.ok_or_else(|| PyKeyboardInterrupt::new_err(()))
 }
 
-/// Work on other threads, without the interpreter; it is handed what tells them that nobody waits any more.
+/// Work on other threads, without the interpreter; `work` receives their cancellation callback.
 pub fn detached_threads<T: Send>(py: Python<'_>, work: impl FnOnce(&Cancel) -> T + Send) -> PyResult<T> {
     watched_threads(py, |_| Ok(()), work)
 }
@@ -73,8 +73,8 @@ pub fn watched_threads<T: Send>(
                 let _end = end;
                 work(&stop)
             });
-            while ended.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
-                if !stopped.load(Ordering::Relaxed) && raised.look_at(&watch) {
+            while ended.recv_timeout(POLL_INTERVAL) == Err(RecvTimeoutError::Timeout) {
+                if !stopped.load(Ordering::Relaxed) && raised.poll_with(&watch) {
                     stopped.store(true, Ordering::Relaxed);
                 }
             }

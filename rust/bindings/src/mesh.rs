@@ -98,7 +98,7 @@ pub fn even_mesh<'py>(py: Python<'py>, rings: &Bound<'py, PyAny>, edge_length: f
 /// count once.
 ///
 /// ValueError for points that are not finite, fewer than 3 distinct or on one line, a radius that is not positive, or
-/// one so small that no triangle is left; the message then says the smallest that leaves one.
+/// one so small that no triangle is left; the message then has the smallest that leaves one.
 #[pyfunction]
 pub fn alpha_shape<'py>(
     py: Python<'py>,

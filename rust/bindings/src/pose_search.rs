@@ -179,10 +179,10 @@ pub struct Density(PoseDensity);
 
 #[pymethods]
 impl Density {
-    /// That of a prior which says where the camera stands; ValueError for others.
+    /// The density of a prior that bounds the camera's place; ValueError for others.
     #[staticmethod]
     fn of_prior(prior: &Prior) -> PyResult<Self> {
-        let refused = || PyValueError::new_err("prior says nothing of where the camera stands; needed camera_near");
+        let refused = || PyValueError::new_err("prior has no place of the camera; needed camera_near");
         PoseDensity::of_prior(&prior.0).map(Self).ok_or_else(refused)
     }
 
@@ -210,9 +210,9 @@ type ModeArrays<'py> =
 
 /// The maxima of the posterior of the pose that frames share, of the largest mass first.
 ///
-/// `starts`: poses to look about beside `draws` drawn ones. `kept`: how many of the best by each spread but the finest are led
-/// on to the next one. `threads`: all cores for None. `progress`: called with the share of the work that is done; what it raises ends
-/// the search.
+/// `starts`: poses to refine beside `draws` drawn ones. `kept`: how many of the best at each spread but the finest are refined at
+/// the next one. `threads`: all cores for None. `progress`: called with the share of the work that is done; an exception that it raises
+/// ends the search.
 #[pyfunction]
 #[pyo3(signature = (frames, density, starts, draws, kept, threads=None, progress=None))]
 #[allow(clippy::too_many_arguments)]

@@ -1,4 +1,4 @@
-//! Poses, and what a covariance says of one.
+//! Arrays of poses and of their covariance.
 
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;

@@ -1,4 +1,4 @@
-//! What is known of a pose beforehand.
+//! Gaussian priors of a pose.
 
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
@@ -15,7 +15,7 @@ const CENTER_SIGMA: &str = "initial_center_sigma_m";
 const DEGREES: &str = "a positive number of degrees";
 const METERS: &str = "a positive number of meters";
 
-/// What is known of a pose beforehand.
+/// A Gaussian prior of a pose.
 #[pyclass(frozen, module = "regionpose._core", from_py_object)]
 #[derive(Clone, Copy)]
 pub struct Prior(pub prior::Prior);
@@ -89,7 +89,7 @@ impl Prior {
         Ok(self.0.penalty(&pose(rotation, translation)?, &self::covariance(covariance)?))
     }
 
-    /// All that it says of the left increment x from a pose, exp(vector . x - x . information x / 2): information (6, 6) and
+    /// Its Gaussian factor on the left increment x from a pose, exp(vector . x - x . information x / 2): information (6, 6) and
     /// vector (6,).
     fn gaussian<'py>(
         &self,
@@ -97,10 +97,10 @@ impl Prior {
         rotation: &Bound<'py, PyAny>,
         translation: &Bound<'py, PyAny>,
     ) -> PyResult<GaussianArrays<'py>> {
-        let said = self.0.gaussian(&pose(rotation, translation)?);
+        let factor = self.0.gaussian(&pose(rotation, translation)?);
         Ok((
-            matrix(py, said.information.iter().copied().collect(), [6, 6])?,
-            PyArray1::from_slice(py, said.information_vector.as_slice()),
+            matrix(py, factor.information.iter().copied().collect(), [6, 6])?,
+            PyArray1::from_slice(py, factor.information_vector.as_slice()),
         ))
     }
 }

@@ -95,7 +95,7 @@ impl WorldRegion {
     }
 
     /// The same region with places (n, 3) inside, (m, 3) outside, and (k, 3) outside that it encloses; `is_line` where they lie on one
-    /// line, which is all that is known of it then.
+    /// line, so that its plane may be any through that line.
     #[pyo3(signature = (inside, outside, enclosed, *, is_line=false))]
     fn with_samples(
         &self,
@@ -115,7 +115,7 @@ impl WorldRegion {
         py.detach(|| sampled()?.with_enclosed(&enclosed)).map(Self).map_err(value_error)
     }
 
-    /// Whether one line is all that is known of it.
+    /// Whether its samples lie on one line, so that its plane may be any through that line.
     #[getter]
     fn is_line(&self) -> bool {
         self.0.is_line()

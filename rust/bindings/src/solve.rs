@@ -157,7 +157,7 @@ impl Solution {
         read_only(py, self.held().pose.translation.as_slice())
     }
 
-    /// Whether the least squares of the moments ended at a minimum; true where the pose was led onto the contours.
+    /// Whether the least squares of the moments ended at a minimum; true where the pose was refined on the contours.
     #[getter]
     fn converged(&self) -> bool {
         self.held().minimum.as_ref().is_none_or(|minimum| minimum.converged)
@@ -165,11 +165,11 @@ impl Solution {
 
     #[getter]
     fn termination(&self) -> String {
-        let led = match self.held().posterior {
-            Some(_) => "the mean of what the samples leave possible",
-            None => "led onto the clean parts of the contours",
+        let other = match self.held().posterior {
+            Some(_) => "posterior_mean",
+            None => "contour_fit",
         };
-        self.held().minimum.as_ref().map_or_else(|| led.into(), |minimum| minimum.termination.to_string())
+        self.held().minimum.as_ref().map_or_else(|| other.into(), |minimum| minimum.termination.to_string())
     }
 
     #[getter]
@@ -204,7 +204,7 @@ impl Solution {
     }
 }
 
-/// The pose of a camera, and what is known of it.
+/// The pose of a camera, with its covariance, alternatives, confidence and warnings.
 #[pyclass(frozen, module = "regionpose._core")]
 #[derive(Clone)]
 pub struct Estimate(Arc<estimate::Estimate>);
@@ -291,7 +291,7 @@ impl Estimate {
     }
 }
 
-/// Regions seen in one image and known in the world, ready to be solved.
+/// Pairs of image regions and world regions, ready to be solved.
 #[pyclass(frozen, module = "regionpose._core")]
 pub struct Problem(problem::Problem);
 
@@ -315,7 +315,7 @@ impl Problem {
         detached(py, || sides.problem(system, integration))?.map(Self).map_err(value_error)
     }
 
-    /// What one look at all of the problem counts as in `work_done`.
+    /// Cost of one evaluation of all of the problem, in units of `work_done`.
     #[getter]
     fn work(&self) -> u64 {
         self.0.work()
@@ -506,7 +506,7 @@ impl Sides {
 
 type PySides<'py> = (Vec<PyRef<'py, ObservedRegion>>, Vec<PyRef<'py, WorldRegion>>);
 
-/// What this thread has counted so far of the work that bounds searches: edges that were looked at.
+/// The work that this thread has charged to the budget of searches so far, in edge evaluations.
 #[pyfunction]
 pub fn work_done() -> u64 {
     budget::charged()
@@ -549,12 +549,12 @@ pub fn estimate_batch<'py>(
     let tasks: Vec<(Sides, Options)> = tasks.collect::<PyResult<_>>()?;
     let solve = |(sides, options): &(Sides, Options)| sides.problem(system, integration)?.estimate_with(options);
     let results = detached_threads(py, |stop| {
-        // Nobody sees the answers of a batch that was interrupted.
-        let waited_for = |task: &(Sides, Options)| {
+        // The results of an interrupted batch are dropped.
+        let solved_unless_canceled = |task: &(Sides, Options)| {
             let solved = if stop() { None } else { budget::cancellable(stop.clone(), || solve(task)) };
             solved.unwrap_or(Err(Error::Canceled))
         };
-        in_parallel(&tasks, threads, waited_for)
+        in_parallel(&tasks, threads, solved_unless_canceled)
     });
     let answer = |result| match in_view(result) {
         Ok(found) => Ok(found.map(Estimate::new).into_pyobject(py)?.into_any()),

@@ -139,9 +139,8 @@ fn advance<F: Fn(&Pose) -> Gaussian>(
     });
     let most = |index: usize| tracks[index].best_log_evidence();
     let Some(best) = (0..tracks.len()).max_by(|&a, &b| most(a).total_cmp(&most(b))) else { return };
-    let is_behind = |track: &Track<F>| {
-        most(best) - track.best_log_evidence() > max_deficit && !tracks[best].may_lead_by_chance(track)
-    };
+    let is_behind =
+        |track: &Track<F>| most(best) - track.best_log_evidence() > max_deficit && !tracks[best].is_equivalent(track);
     let behind: Vec<bool> = tracks.iter().map(is_behind).collect();
     let mut behind = behind.into_iter();
     tracks.retain(|_| behind.next() == Some(false));
@@ -170,8 +169,8 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Track<'a, F> {
         self.best.as_ref().map_or(f64::NEG_INFINITY, |(state, ..)| state.log_evidence)
     }
 
-    /// Whether chance may have decided between the likeliest states of two tracks.
-    fn may_lead_by_chance(&self, other: &Self) -> bool {
+    /// Whether the likeliest states of two tracks differ by no more than chance.
+    fn is_equivalent(&self, other: &Self) -> bool {
         let (Some(own), Some(other)) = (self.evidence(), other.evidence()) else { return false };
         own.deviance_to(&other, self.inference.samples.regions) <= EQUIVALENT_DEVIANCE
     }

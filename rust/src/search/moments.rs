@@ -23,7 +23,7 @@ pub const CANDIDATE: TerminationCriteria = TerminationCriteria { tolerance: 1e-4
 pub const FINAL: TerminationCriteria = TerminationCriteria { tolerance: 1e-11, evaluations: 210 };
 
 /// Candidates above the least unweighted cost by this factor are given up: a convention.
-const WORTH_A_LOOK: f64 = 1e2;
+const MAX_COST_RATIO: f64 = 1e2;
 
 /// Unweighted cost (squared shares of the observed area) below which every candidate is refined: a hundredth of the area.
 const SMALL_COST: f64 = 1e-4;
@@ -106,7 +106,7 @@ fn region_poses(
         poses.extend(cut_starts(problem, region, world));
     }
     if starts == Starts::Likely && !single {
-        poses = without_cost(worth_a_look(costs_of(problem.coarse(), poses)));
+        poses = without_cost(pruned_by_cost(costs_of(problem.coarse(), poses)));
         poses.truncate(STARTS_PER_REGION);
     }
     poses.iter().filter_map(|pose| cache.solved(problem, index, pose)).collect()
@@ -190,13 +190,13 @@ fn solved_jointly(problem: &Problem, start: &Pose) -> (f64, Pose) {
 
 /// Distinct poses by their cost, best first, as many as are refined further.
 fn narrowed(costs: Vec<(f64, Pose)>) -> Vec<(f64, Pose)> {
-    worth_a_look(distinct(costs, MOST_CANDIDATES, SAME_CANDIDATE, |pose| pose))
+    pruned_by_cost(distinct(costs, MOST_CANDIDATES, SAME_CANDIDATE, |pose| pose))
 }
 
 /// The poses by their cost, best first, without those that are far from the best.
-fn worth_a_look(costs: Vec<(f64, Pose)>) -> Vec<(f64, Pose)> {
+fn pruned_by_cost(costs: Vec<(f64, Pose)>) -> Vec<(f64, Pose)> {
     let mut costs = sorted(costs);
-    let limit = costs.first().map_or(0.0, |(least, _)| least * WORTH_A_LOOK + SMALL_COST);
+    let limit = costs.first().map_or(0.0, |(least, _)| least * MAX_COST_RATIO + SMALL_COST);
     costs.retain(|(cost, _)| *cost <= limit);
     costs
 }

@@ -285,7 +285,7 @@ def test_priors_that_say_more_are_higher_where_they_hold() -> None:
 
 @pytest.mark.parametrize("prior", [rp.Prior(), rp.Prior(up=[0, 0, 1]), rp.Prior(initial=level(0.0))])
 def test_a_prior_without_a_place_is_no_density(prior: rp.Prior) -> None:
-    with pytest.raises(ValueError, match="prior says nothing of where the camera stands; needed camera_near"):
+    with pytest.raises(ValueError, match="prior has no place of the camera; needed camera_near"):
         _core.Density.of_prior(prior.core)
 
 

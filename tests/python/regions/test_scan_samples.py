@@ -208,4 +208,4 @@ def test_batches_use_samples_too() -> None:
     (together,) = rp.estimate_poses([sides])
     assert isinstance(together, rp.PoseEstimate)
     np.testing.assert_allclose(together.pose.translation, alone.pose.translation, atol=1e-12)
-    assert alone.diagnostics.termination == "the mean of what the samples leave possible"
+    assert alone.diagnostics.termination == "posterior_mean"

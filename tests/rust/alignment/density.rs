@@ -64,7 +64,7 @@ fn mean(weights: &[f64]) -> (f64, f64) {
 
 fn assert_is_one(weights: &[f64], allowed: f64) {
     let (mean, error) = mean(weights);
-    assert!(error < 0.02, "{error} tells nothing");
+    assert!(error < 0.02, "{error} is too large for this test");
     assert!((mean - 1.0).abs() < ERRORS * error + allowed, "{mean} +- {error}, allowed {allowed}");
 }
 
@@ -141,7 +141,7 @@ fn a_prior_about_a_pose_integrates_to_one() {
 }
 
 #[test]
-fn a_prior_that_does_not_say_where_the_camera_stands_has_no_density() {
+fn a_prior_without_the_cameras_place_has_no_density() {
     let up = with_up(Prior::default(), 3.0);
     let start = up.with_initial(initial_pose(&up, 0.1), None).unwrap();
     for prior in [Prior::default(), up, start] {
@@ -260,7 +260,7 @@ fn spread() -> f64 {
 }
 
 #[test]
-fn draws_are_tilted_and_away_as_a_prior_says_and_headed_anywhere() {
+fn draws_have_the_tilt_and_place_of_a_prior_and_any_heading() {
     let prior = near_and_up(3.0);
     let drawn = draws(PoseDensity::of_prior(&prior).unwrap(), 21);
     let (up, sigma) = (prior.up().unwrap().0.normalize(), 3.0 * DEGREE);
@@ -288,7 +288,7 @@ fn draws_are_tilted_and_away_as_a_prior_says_and_headed_anywhere() {
 }
 
 #[test]
-fn draws_of_a_prior_that_says_nothing_of_rotations_have_all_alike() {
+fn draws_of_a_prior_without_rotation_are_uniform_over_rotations() {
     let drawn = draws(PoseDensity::of_prior(&near(0.4)).unwrap(), 22);
     let entries: Vec<SVector<f64, 9>> =
         drawn.iter().map(|pose| SVector::from_iterator(pose.rotation.matrix().iter().copied())).collect();
@@ -307,7 +307,7 @@ fn draws_of_a_prior_that_says_nothing_of_rotations_have_all_alike() {
 
 /// Of Gaussians of the initial pose, up and the place together, which contradict one another: both means at the weighted one.
 #[test]
-fn draws_about_a_pose_are_those_of_all_that_is_known() {
+fn draws_about_a_pose_are_those_of_the_whole_prior() {
     let prior = initial(near_and_up(3.0), 0.1, 0.3);
     let drawn = draws(PoseDensity::of_prior(&prior).unwrap(), 23);
     let base = prior.initial().unwrap().0;
@@ -322,7 +322,7 @@ fn draws_about_a_pose_are_those_of_all_that_is_known() {
 }
 
 #[test]
-fn draws_about_a_roughly_known_pose_are_students() {
+fn draws_about_a_pose_with_a_rough_covariance_are_students() {
     let (density, pose, covariance) = student(2e-3, 0.05);
     let information = covariance.try_inverse().unwrap();
     let ways: Vec<_> = draws(density, 24).iter().map(|drawn| pose.local_coordinates(drawn)).collect();

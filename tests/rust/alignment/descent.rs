@@ -35,7 +35,7 @@ proptest! {
         prop_assert!(value - 3.0 < 1e-9, "{value} {found}");
     }
 
-    /// Wherever costs are none, or lead down forever, what is found is no worse than the start, and little was tried.
+    /// Where costs are not finite, or fall forever, what is found is no worse than the start, and little was tried.
     #[test]
     fn costs_that_are_no_numbers_end_within_the_tries(seed in 0..1000_u64, kind in 0..7_usize, steps in 0..30_usize) {
         let mut random = Random::new(seed);
@@ -69,7 +69,7 @@ proptest! {
 }
 
 #[test]
-fn the_valley_of_rosenbrock_leads_to_its_end() {
+fn the_minimum_of_rosenbrocks_valley_is_found() {
     let tried = Cell::new(0);
     let cost = |x: &Vector2<f64>| {
         tried.set(tried.get() + 1);

@@ -90,7 +90,7 @@ fn worst(
         worst = worst.max((seen - expected).amax());
         count += 1;
     }
-    assert!(count > 500, "{count} tell little");
+    assert!(count > 500, "{count} are too few for this test");
     (worst, count)
 }
 
@@ -155,7 +155,7 @@ fn fisheyes_are_seen_to_a_tenth_of_a_pixel_beyond_half_a_turn() {
     }
 }
 
-/// Meridians meet at the poles, and the picture begins anew behind the camera.
+/// Meridians meet at the poles, and the picture wraps around behind the camera.
 #[test]
 fn a_panorama_is_seen_to_a_tenth_of_a_pixel_but_at_its_seams() {
     let size = [2048.0, 1024.0];

@@ -157,11 +157,11 @@ fn photo(edges: &[f32]) -> PhotoView {
     PhotoView { projection: projection.unwrap(), pictures: log_ratios(edges), half_field }
 }
 
-const LOOK: EdgeOptions = EdgeOptions { cell: 2e-3, gap: 0.03, share: 0.1 };
+const DETECTION: EdgeOptions = EdgeOptions { cell: 2e-3, gap: 0.03, share: 0.1 };
 
 fn frame(seed: u64) -> Frame {
     let blocks = blocks(seed);
-    let edges = CloudEdges::new(&scan(&blocks), None, &Vector3::zeros(), &LOOK);
+    let edges = CloudEdges::new(&scan(&blocks), None, &Vector3::zeros(), &DETECTION);
     Frame::new(photo(&edges_of_photo(&blocks, &truth(), seed)), &edges, Vector3::zeros())
 }
 
@@ -169,7 +169,7 @@ fn frame(seed: u64) -> Frame {
 static FRAMES: LazyLock<[Frame; 2]> = LazyLock::new(|| [101, 102].map(frame));
 
 /// The camera is near the scanner and about upright.
-fn known() -> PoseDensity {
+fn near_density() -> PoseDensity {
     let near = Prior::default().with_near(Vector3::zeros(), Some(0.3)).unwrap();
     PoseDensity::of_prior(&near.with_up(Vector3::z(), Some(3.0 * PI / 180.0)).unwrap()).unwrap()
 }
@@ -178,7 +178,7 @@ fn known() -> PoseDensity {
 const OPTIONS: SearchOptions = SearchOptions { draws: 8000, kept: [200, 60, 16], threads: Some(2) };
 
 fn found(frames: &[Frame], starts: &[Pose], draws: usize) -> Vec<Mode> {
-    search(frames, &known(), starts, &SearchOptions { draws, ..OPTIONS }).unwrap()
+    search(frames, &near_density(), starts, &SearchOptions { draws, ..OPTIONS }).unwrap()
 }
 
 /// How far the edges are from where a pose has them, pixels: a root mean square.
@@ -206,10 +206,10 @@ fn assert_finite(modes: &[Mode]) {
 }
 
 fn nothing() -> CloudEdges {
-    CloudEdges::new(&[], None, &Vector3::zeros(), &LOOK)
+    CloudEdges::new(&[], None, &Vector3::zeros(), &DETECTION)
 }
 
-/// The heading is not known at all; edges of the scan are up to half a ray's spacing off, more than a pixel.
+/// The heading is free; edges of the scan are up to half a ray's spacing off, more than a pixel.
 #[test]
 fn the_pose_is_found_from_no_heading() {
     for frame in &*FRAMES {
@@ -218,7 +218,7 @@ fn the_pose_is_found_from_no_heading() {
         let best = &modes[0];
         let (off, deviations) = (pixels_off(frame, &best.pose), deviations(best));
         assert!(off < 1.5, "{off} px");
-        // Of six normal numbers, of which few have a root of squares beyond 4; and no less is claimed than is known.
+        // Of six normal numbers, of which few have a root of squares beyond 4; and none much below 1.
         assert!(deviations > 0.3 && deviations < 4.0, "{deviations}");
         assert!(best.log_mass > 5.0 && best.edges > 1000, "{best:?}");
         let rotation = best.covariance.fixed_view::<3, 3>(0, 0).trace().sqrt();
@@ -236,9 +236,9 @@ fn the_pose_is_found_from_no_heading() {
     }
 }
 
-/// Photo and cloud of one place, and then of another as well; the same one twice says nothing new.
+/// Photo and cloud of one place, and then of another as well; the same one twice is redundant.
 #[test]
-fn another_place_tells_more_and_the_same_one_again_does_not() {
+fn another_place_adds_information_and_the_same_one_again_does_not() {
     let [one, other] = &*FRAMES;
     let best = |frames: &[Frame]| found(frames, &[truth()], 0)[0];
     let (alone, elsewhere) = (best(std::slice::from_ref(one)), best(std::slice::from_ref(other)));
@@ -255,7 +255,7 @@ fn another_place_tells_more_and_the_same_one_again_does_not() {
 }
 
 #[test]
-fn starts_alone_lead_to_the_pose_and_none_lead_nowhere() {
+fn starts_alone_suffice_and_without_any_there_is_no_pose() {
     let frames = &FRAMES[..1];
     let start = truth().retract(&Vector6::new(0.02, -0.02, 0.01, 0.05, 0.05, -0.05));
     let modes = found(frames, &[start], 0);
@@ -269,7 +269,7 @@ fn starts_alone_lead_to_the_pose_and_none_lead_nowhere() {
 fn the_answer_is_the_same_on_any_number_of_threads() {
     let of = |threads| {
         let options = SearchOptions { draws: 300, kept: [20, 10, 5], threads: Some(threads) };
-        search(&FRAMES[..1], &known(), &[], &options)
+        search(&FRAMES[..1], &near_density(), &[], &options)
             .unwrap()
             .iter()
             .map(|mode| (mode.pose, mode.log_mass))
@@ -283,14 +283,14 @@ fn all_of_the_work_is_counted_however_little_is_left_to_do() {
     for (draws, starts) in [(300, vec![]), (0, vec![truth(), truth()]), (0, vec![])] {
         let (options, progress) = (SearchOptions { draws, kept: [20, 10, 5], ..OPTIONS }, SearchProgress::default());
         assert!(progress.share() < 1e-12);
-        search_with_progress(&FRAMES[..1], &known(), &starts, &options, &progress).unwrap();
+        search_with_progress(&FRAMES[..1], &near_density(), &starts, &options, &progress).unwrap();
         assert!((progress.share() - 1.0).abs() < 1e-12, "{}", progress.share());
     }
 }
 
 /// Asked at a third of the questions of a whole search, it has done less than half of its work.
 #[test]
-fn a_search_for_which_nobody_waits_ends_soon() {
+fn a_canceled_search_ends_soon() {
     let options = SearchOptions { draws: 800, kept: [100, 40, 10], threads: Some(1) };
     let work = |most: usize| {
         let asked = Arc::new(AtomicUsize::new(0));
@@ -300,7 +300,7 @@ fn a_search_for_which_nobody_waits_ends_soon() {
             Arc::new(move || asked.fetch_add(1, Ordering::Relaxed) >= most)
         };
         let answer = budget::cancellable(stop, || {
-            let (answer, count) = budget::measured(|| search(&FRAMES[..1], &known(), &[], &options).unwrap());
+            let (answer, count) = budget::measured(|| search(&FRAMES[..1], &near_density(), &[], &options).unwrap());
             counted.set(count);
             answer
         });
@@ -314,11 +314,11 @@ fn a_search_for_which_nobody_waits_ends_soon() {
     }
 }
 
-/// A cloud without edges, with one of them, and cameras that look away from all of them.
+/// A cloud without edges, with one of them, and cameras that face away from all of them.
 #[test]
-fn few_edges_or_none_leave_what_was_known() {
+fn few_edges_or_none_leave_the_prior() {
     let frame = &FRAMES[0];
-    let edges = CloudEdges::new(&scan(&blocks(101)), None, &Vector3::zeros(), &LOOK);
+    let edges = CloudEdges::new(&scan(&blocks(101)), None, &Vector3::zeros(), &DETECTION);
     let nowhere = Prior::default().with_near(Vector3::new(0.0, 0.0, 4000.0), Some(1.0)).unwrap();
     let somewhere = Prior::default().with_near(Vector3::zeros(), Some(0.3)).unwrap();
     let anywhere = [nowhere, somewhere].map(|prior| PoseDensity::of_prior(&prior).unwrap());
@@ -326,7 +326,7 @@ fn few_edges_or_none_leave_what_was_known() {
     let options = SearchOptions { draws: 100, kept: [10, 8, 6], threads: Some(1) };
     for edges in [nothing(), edges.thinned(1), edges.thinned(2), edges.thinned(40)] {
         let frames = [frame.with_edges(&edges)];
-        for density in [&known(), &student, &anywhere[0], &anywhere[1]] {
+        for density in [&near_density(), &student, &anywhere[0], &anywhere[1]] {
             for frames in [&frames[..], &[frames[0].clone(), frame.clone()], &[]] {
                 let modes = search(frames, density, &[truth()], &options).unwrap();
                 assert_finite(&modes);
@@ -394,7 +394,7 @@ fn moves_of_edges_are_those_of_their_pixels() {
 /// Where nothing is seen the posterior is the prior; a weight of nothing makes it the prior as well.
 #[test]
 fn edges_without_weight_leave_the_prior() {
-    let density = known();
+    let density = near_density();
     for weight in [Weight::Share(0.0), Weight::Lead { offset: -0.1, scale: 0.0 }] {
         let posterior = Posterior { frames: &FRAMES[..1], weights: vec![weight], spread: FINEST, density: &density };
         let start = truth().retract(&Vector6::new(0.03, 0.0, 0.02, 0.2, 0.1, 0.0));

@@ -26,15 +26,15 @@ pub fn distances(problem: &Problem, pose: &Pose) -> Vec<f64> {
 pub fn rows(problem: &Problem, pose: &Pose) -> Vec<(Reading, Tangent)> {
     let mut rows = Vec::new();
     for contour in problem.contours() {
-        let (pose, mut known) = (problem.centered(pose), Vec::new());
-        contour.read(&pose, 1, &mut known).unwrap();
+        let (pose, mut readings) = (problem.centered(pose), Vec::new());
+        contour.read(&pose, 1, &mut readings).unwrap();
         let back = contour.axes().inverse();
         let turned = |derivative: Tangent| {
             let [turning, moving] = [0, 3].map(|first| back * derivative.fixed_rows::<3>(first));
             Tangent::new(turning.x, turning.y, turning.z, moving.x, moving.y, moving.z)
         };
         let push = |reading, derivative, _| rows.push((reading, turned(derivative)));
-        contour.for_each_row(&pose, 1, Some(&known), 0.0, push).unwrap();
+        contour.for_each_row(&pose, 1, Some(&readings), 0.0, push).unwrap();
     }
     rows
 }

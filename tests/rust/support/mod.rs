@@ -1,4 +1,4 @@
-//! What the tests of poses share: seeded randomness, scenes with a renderer that knows nothing of the crate's integrals,
+//! What the tests of poses share: seeded randomness, scenes with a renderer independent of the crate's integrals,
 //! and the one checker of derivatives.
 pub mod contours;
 pub mod jacobian;

@@ -1,4 +1,4 @@
-//! World regions with samples, as a scan knows them; and single samples.
+//! World regions with samples, as of a scan; and single samples.
 
 use nalgebra::{Vector2, Vector3, Vector6};
 
@@ -17,7 +17,7 @@ pub fn layout(regions: usize) -> Layout {
     Layout { regions, offset: 0.0, axis: Some(Vector3::z()), ..Layout::default() }
 }
 
-/// The world regions with samples in rows and columns `gap` units apart over the extent of each, as a scan knows them;
+/// The world regions with samples in rows and columns `gap` units apart over the extent of each, as of a scan;
 /// with an outline that is `shrunk`.
 pub fn sampled(random: &mut Random, worlds: &[WorldRegion], gap: f64, shrunk: f64) -> Vec<WorldRegion> {
     worlds.iter().map(|world| sampled_region(random, world, gap, shrunk)).collect()

@@ -1,4 +1,4 @@
-//! Samples that say nothing, or not everything: what they leave open is the outlines' to tell.
+//! Uninformative samples: outlines determine the directions that samples leave free.
 
 use std::f64::consts::TAU;
 
@@ -42,7 +42,7 @@ fn far(world: &WorldRegion, count: usize) -> Vec<Vector3<f64>> {
 }
 
 /// The region with samples deep inside, far outside, or both.
-fn silent(random: &mut Random, world: &WorldRegion, inside: usize, outside: usize) -> WorldRegion {
+fn uninformative(random: &mut Random, world: &WorldRegion, inside: usize, outside: usize) -> WorldRegion {
     world.clone().with_samples(&deep(random, world, inside), &far(world, outside)).unwrap()
 }
 
@@ -71,7 +71,7 @@ fn exact_outlines_stay_exact() {
     let many: Vec<Vector2<f64>> =
         (0..90).map(|k| Vector2::new(0.17 + 0.002 * f64::from(k), 0.2 + 0.011 * f64::from(k))).collect();
     let sigma = PoseSigma { rotation: 0.02, place: 0.05 };
-    let known = Prior::default().with_initial(truth, Some(sigma)).unwrap();
+    let initial = Prior::default().with_initial(truth, Some(sigma)).unwrap();
     for area in [1e4, 1e6] {
         let observed: Vec<_> = rings.iter().map(|ring| ObservedRegion::new(vec![seen(ring)], area)).collect();
         for (inside, outside) in [(&few, &vec![]), (&many, &vec![]), (&few, &outside), (&many, &outside)] {
@@ -79,7 +79,7 @@ fn exact_outlines_stay_exact() {
             let world = |k: usize| WorldRegion::from_rings(&rings[k..=k]).unwrap();
             let worlds: Vec<_> =
                 (0..2).map(|k| world(k).with_samples(&at(k, inside), &at(k, outside)).unwrap()).collect();
-            for prior in [Prior::default(), known] {
+            for prior in [Prior::default(), initial] {
                 let estimate = estimated(&observed, &worlds, prior);
                 let error = estimate.best.pose.angle_to(&truth).to_degrees();
                 let what = format!("{area} px, {} inside, {} outside", inside.len(), outside.len());
@@ -96,14 +96,14 @@ fn exact_outlines_stay_exact() {
 
 /// Of clean contours and of bitten ones, of one region and of several.
 #[test]
-fn samples_that_say_nothing_change_nothing() {
+fn uninformative_samples_change_nothing() {
     for seed in 0..24 {
         let mut random = Random::new(700 + seed);
         let scene = Scene::random(&mut random, layout(1 + seed as usize % 3));
         let observed = if seed % 2 == 0 { scene.observed.clone() } else { all_bitten(&scene, 0.1) };
         let counts = [(3, 0), (40, 0), (3, 12), (40, 12)][seed as usize % 4];
         let mut changed: Vec<_> =
-            scene.worlds.iter().map(|world| silent(&mut random, world, counts.0, counts.1)).collect();
+            scene.worlds.iter().map(|world| uninformative(&mut random, world, counts.0, counts.1)).collect();
         let without = estimated(&observed, &scene.worlds, Prior::default());
         assert_same(&estimated(&observed, &changed, Prior::default()), &without, &format!("seed {seed}"));
         // Of one region alone, too.
@@ -112,16 +112,16 @@ fn samples_that_say_nothing_change_nothing() {
     }
 }
 
-/// Those of one region tell, those of the other do not: it is known by its outline.
+/// The samples of one region are informative, those of the other are not: its outline counts.
 #[test]
-fn a_silent_region_beside_a_telling_one_is_known_by_its_outline() {
+fn a_region_with_uninformative_samples_counts_by_its_outline() {
     for seed in 0..4 {
         let mut random = Random::new(740 + seed);
         let scene = Scene::random(&mut random, layout(2));
         let mut worlds = sampled(&mut random, &scene.worlds, 0.1, 0.9);
         worlds[1] = scene.worlds[1].clone();
         let outlined = estimated(&scene.observed, &worlds, Prior::default());
-        worlds[1] = silent(&mut random, &scene.worlds[1], 20, 8);
+        worlds[1] = uninformative(&mut random, &scene.worlds[1], 20, 8);
         let both = estimated(&scene.observed, &worlds, Prior::default());
         let way = both.best.pose.angle_to(&outlined.best.pose);
         assert!(way < 4e-3, "seed {seed}: {way} rad");
@@ -156,13 +156,13 @@ fn what_one_sided_samples_leave_open_is_the_outlines() {
     }
 }
 
-/// A start that nobody can lead any more, for lack of work, leaves the outlines' answer: it is said, and wrong outlines are warned of
-/// as those of any other region.
+/// A start that the exhausted budget leaves unrefined has the outlines' answer, with a warning; wrong outlines have warnings as those
+/// of any other region.
 #[test]
-fn the_outlines_answer_is_said_to_be_that() {
+fn an_answer_of_the_outlines_has_a_warning() {
     let mut random = Random::new(780);
     let scene = Scene::random(&mut random, layout(2));
-    // Of samples that tell, with outlines of another shape.
+    // With informative samples, and outlines of another shape.
     let wrong = |world: &WorldRegion| {
         let lifted = |places: &[Vector2<f64>]| places.iter().map(|p| world.frame().to_world(p)).collect::<Vec<_>>();
         let square = rectangle(1.1, 0.8).iter().map(|p| world.frame().to_world(p)).collect();
@@ -176,12 +176,15 @@ fn the_outlines_answer_is_said_to_be_that() {
     let problem = Problem::new(&scene.observed, &worlds).unwrap();
     let search = problem.search(&Options::default());
     let minima: Vec<_> = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
-    let heard = search.clone().assess(minima.clone()).unwrap();
-    assert!(heard.best.posterior.is_some() && heard.warnings.iter().all(|warning| warning.code() != "samples-unused"));
-    let (unheard, _) = budget::limited(0, || search.assess(minima).unwrap());
-    let codes: Vec<_> = unheard.warnings.iter().map(|warning| warning.code()).collect();
-    assert!(unheard.best.posterior.is_none() && codes.contains(&"samples-unused"), "{codes:?}");
+    let sampled_answer = search.clone().assess(minima.clone()).unwrap();
+    assert!(
+        sampled_answer.best.posterior.is_some()
+            && sampled_answer.warnings.iter().all(|warning| warning.code() != "samples-unused")
+    );
+    let (outline_answer, _) = budget::limited(0, || search.assess(minima).unwrap());
+    let codes: Vec<_> = outline_answer.warnings.iter().map(|warning| warning.code()).collect();
+    assert!(outline_answer.best.posterior.is_none() && codes.contains(&"samples-unused"), "{codes:?}");
     assert!(codes.contains(&"poor-overlap") || codes.contains(&"outlier-region"), "{codes:?}");
-    let way = unheard.best.pose.retract(&Tangent::zeros()).angle_to(&scene.pose);
+    let way = outline_answer.best.pose.retract(&Tangent::zeros()).angle_to(&scene.pose);
     assert!(way > 0.01, "the outlines are wrong, and so is their pose: {way} rad");
 }
