@@ -64,7 +64,7 @@ OF_REGIONS = {
 
 SCANNER_QUESTION = (
     '<div class="rp-help"><h3>Where did the scanner stand?</h3>In the frame of the cloud, mostly 0, 0, 0. That is'
-    "proposed where the cloud looks like one scan around its zero. The place determines the regions far better: by"
+    " proposed where the cloud looks like one scan around its zero. The place determines the regions far better: by"
     " the beams that met them and those that passed beside them.</div>"
 )
 
