@@ -191,7 +191,7 @@ def picked(folder: Path, out: Path, *, edges: bool = False) -> Row:
     truth = Pose.from_parts(calibration["R"], calibration["t"])
     if edges and (row := by_edges(user, truth)).level == PoseStatus.TRUSTED:
         return row
-    if session.asks_for_scanner:
+    if session.lacks_scanner:
         user.clicks += 1
         session.set_scanner([0.0, 0.0, 0.0])
     faces = json.loads((folder / "regions.json").read_text())

@@ -77,6 +77,6 @@ def notify(message: str) -> None:
     ui.notify(message, type="positive", position=TOASTS)
 
 
-def complain(message: str) -> None:
+def notify_error(message: str) -> None:
     """Show an error message, long enough to be read."""
     ui.notify(message, type="negative", position=TOASTS, multi_line=True, timeout=7000, close_button="OK")

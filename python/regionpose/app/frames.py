@@ -51,7 +51,7 @@ class Frames:
         """Those of a scene file with frames; errors as of `load_scene`."""
         value = load_scene(path).document.value
         assert isinstance(value, dict)
-        return cls(path, {key: held for key, held in value.items() if key != "frames"}, list(value["frames"]))
+        return cls(path, {key: entry for key, entry in value.items() if key != "frames"}, list(value["frames"]))
 
     @classmethod
     def of_folder(cls, folder: Path, camera: Path | None) -> Frames:
@@ -59,12 +59,12 @@ class Frames:
         and where nothing identifies the camera.
         """
         path = folder / SCENE_FILE
-        held = cls.of_scene(path) if path.is_file() else None
-        shared = {} if held is None else dict(held._shared)
-        frames = [] if held is None else list(held._frames)
+        entry = cls.of_scene(path) if path.is_file() else None
+        shared = {} if entry is None else dict(entry._shared)
+        frames = [] if entry is None else list(entry._frames)
         names = {frame["name"] for frame in frames}
         for pair in folder_pairs(folder)[0]:
-            values = {} if pair.document is None else moved(pair.held, pair.document.path.parent, folder)
+            values = {} if pair.document is None else moved(pair.document_values, pair.document.path.parent, folder)
             own = {key: value for key, value in values.items() if key not in SHARED}
             shared |= {key: value for key, value in values.items() if key in SHARED and key not in shared}
             if pair.name not in names:
@@ -85,12 +85,12 @@ class Frames:
         """The names of the frames."""
         return tuple(str(frame["name"]) for frame in self._frames)
 
-    def turned_to(self, index: int, stages: Stages | None = None) -> Session:
+    def session_at(self, index: int, stages: Stages | None = None) -> Session:
         """The session of a frame, which is worked on from now on; errors as of `Session.open`, the old one staying."""
         index = min(max(index, 0), len(self) - 1)
         session = self._sessions.get(index)
         if session is None:
-            own = {key: held for key, held in self._frames[index].items() if key != "name"}
+            own = {key: entry for key, entry in self._frames[index].items() if key != "name"}
             session = FrameSession.of_values(self.path, {**self._shared, **own}, stages or Stages())
             session.frames = self
             self._sessions[index] = session
@@ -98,7 +98,7 @@ class Frames:
         before = self._sessions.get(self.index)
         if before is not None and before is not session:
             # The prior holds for all frames.
-            kept = {key: held for key, held in session.base.items() if key not in SHARED}
+            kept = {key: entry for key, entry in session.base.items() if key not in SHARED}
             shared = {key: before.base[key] for key in SHARED if key in before.base}
             session.sketch = replace(session.sketch, base={**shared, **kept})
         self.index = index
@@ -145,12 +145,12 @@ class Frames:
         return found
 
     def _values(self, index: int) -> Plain:
-        held = self._frames[index]
+        entry = self._frames[index]
         session = self._sessions.get(index)
         if session is None:
-            return held
+            return entry
         own = {key: value for key, value in session.values().items() if key not in SHARED}
-        return {"name": held["name"], **own}
+        return {"name": entry["name"], **own}
 
     def save(self) -> list[Path]:
         """Write the scene file of all frames, with the masks and points of those that were looked at, whole or not at

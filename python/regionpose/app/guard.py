@@ -89,8 +89,8 @@ class Guard:
         cookies: SimpleCookie = SimpleCookie()
         with suppress(CookieError):
             cookies.load(headers.get("cookie", ""))
-        held = cookies.get(self._cookie)
-        return held is not None and _same(held.value, self._key)
+        cookie = cookies.get(self._cookie)
+        return cookie is not None and _same(cookie.value, self._key)
 
     def _unknown(self, token: str) -> str:
         """The reason to refuse a browser without the cookie; prints the next address where it used the last one."""
@@ -118,10 +118,10 @@ class Guard:
         headers = [(b"content-type", b"text/html"), (b"set-cookie", cookie.encode()), (b"cache-control", b"no-store")]
         headers.append((b"referrer-policy", b"no-referrer"))
         await send({"type": "http.response.start", "status": 200, "headers": headers})
-        await send({"type": "http.response.body", "body": leading_to("/").encode()})
+        await send({"type": "http.response.body", "body": redirect_page("/").encode()})
 
     def _with_policy(self, send: Send, host: str) -> Send:
-        held = [
+        policy_headers = [
             (b"content-security-policy", POLICY.format(host=host).encode()),
             (b"x-content-type-options", b"nosniff"),
             (b"referrer-policy", b"no-referrer"),
@@ -129,13 +129,13 @@ class Guard:
 
         async def sent(message: Message) -> None:
             if message["type"] == "http.response.start":
-                message = {**message, "headers": [*message.get("headers", []), *held]}
+                message = {**message, "headers": [*message.get("headers", []), *policy_headers]}
             await send(message)
 
         return sent
 
 
-def leading_to(address: str) -> str:
+def redirect_page(address: str) -> str:
     """A page that leads to an address, and is no place to come back to."""
     return f"""<!DOCTYPE html><meta charset="utf-8"><title>regionpose pick</title>
 <script>location.replace("{address}")</script><noscript><meta http-equiv="refresh" content="0;url={address}"></noscript>

@@ -45,7 +45,7 @@ class Outcome:
         """The outcome of an estimate of the pairs with these keys."""
         sides, pose = run.sides, run.local_pose
         lines = [projected_lines(sides.camera, side.region, pose) for side in sides.world_sides]
-        projected = {key: [rounded(line) for line in held] for key, held in zip(keys, lines, strict=True)}
+        projected = {key: [rounded(line) for line in parts] for key, parts in zip(keys, lines, strict=True)}
         fits = dict(zip(keys, region_fits(run), strict=True))
         return cls(state, "", run, headline(run), projected, fits, run.is_by_edges)
 

@@ -11,7 +11,7 @@ import numpy as np
 from nicegui import run, ui
 from nicegui.events import KeyEventArguments
 
-from regionpose.app.elements import CloudView, PictureView, complain, notify, small_button, toggle
+from regionpose.app.elements import CloudView, PictureView, notify, notify_error, small_button, toggle
 from regionpose.app.frames import Frames, FrameSession
 from regionpose.app.parts import Picked
 from regionpose.app.prior_dialog import PriorDialog, UpChoice
@@ -96,11 +96,11 @@ class Page:
             return
         self.photo.show(busy="reading the frame …")
         try:
-            other = await run.io_bound(session.frames.turned_to, session.frames.index + step)
+            other = await run.io_bound(session.frames.session_at, session.frames.index + step)
             if other is not None:
-                await run.io_bound(self.shared.turn_to, other)
+                await run.io_bound(self.shared.show_session, other)
         except (ValueError, OSError) as error:
-            complain(str(error))
+            notify_error(str(error))
         self.photo.show(busy="")
         self._refresh()
 
@@ -291,7 +291,7 @@ class Page:
         try:
             await run.io_bound(self.shared.edit, action)
         except (ValueError, TypeError, KeyError) as error:
-            complain(str(error))
+            notify_error(str(error))
             is_done, self.revision_drawn = False, -1
             self._show_rows(rebuild=True)  # A name that was refused goes.
         self._refresh()
@@ -304,7 +304,7 @@ class Page:
             masks = f" and {count} mask{'s' if count != 1 else ''}" if count else ""
             notify(f"Saved {self.session.path.name}{masks}")
         except (ValueError, OSError) as error:
-            complain(str(error))
+            notify_error(str(error))
         self._refresh()
 
     async def _select(self, args: dict[str, Any]) -> None:

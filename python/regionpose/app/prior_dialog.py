@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from nicegui import ui
 
-from regionpose.app.elements import complain, toggle
+from regionpose.app.elements import notify_error, toggle
 from regionpose.app.prior_settings import AHEAD_SIGMA_DEG, NEAR_SIGMA_M, PriorSettings, Triple
 from regionpose.app.shared_session import SharedSession
 from regionpose.app.texts import PRIOR_QUESTION
@@ -69,7 +69,7 @@ class PriorDialog:
         try:
             near, ahead, up = (vector.value for vector in (self._near, self._ahead, self._up))
         except ValueError as error:
-            complain(str(error))
+            notify_error(str(error))
             return
         at_scanner = near is not None and scanner is not None and near == tuple(scanner.tolist())
         settings = PriorSettings(

@@ -80,12 +80,12 @@ class PriorSettings:
     def _initial(self, before: Mapping[str, Any], scanner: Array | None) -> dict[str, Any]:
         if self.ahead is None:
             return {}
-        ahead, held = np.array(_unit("direction of view", self.ahead)), PriorSettings.of(before)
-        if held.ahead is not None and np.abs(ahead - np.array(_unit("", held.ahead))).max() <= SAME_DIRECTION:
+        ahead, earlier = np.array(_unit("direction of view", self.ahead)), PriorSettings.of(before)
+        if earlier.ahead is not None and np.abs(ahead - np.array(_unit("", earlier.ahead))).max() <= SAME_DIRECTION:
             kept = {key: before[key] for key in OF_INITIAL if key in before}
-            if self.ahead_sigma_deg == held.ahead_sigma_deg and self.near == held.near:
+            if self.ahead_sigma_deg == earlier.ahead_sigma_deg and self.near == earlier.near:
                 # The place is the initial pose's, and counts once.
-                of_initial = "camera_near" in before and not held.is_anywhere and held.near is None
+                of_initial = "camera_near" in before and not earlier.is_anywhere and earlier.near is None
                 return kept | ({"camera_near": None} if of_initial else {})
         place = self.near if self.near is not None else scanner
         if place is None or self.is_anywhere:

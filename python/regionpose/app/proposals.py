@@ -133,7 +133,7 @@ def plane_choices(scan: Scan, scene_with: Callable[[dict[str, Any]], Scene], see
         with suppress(ValueError):
             marked = {**place, "intensity_tolerance": shade}
             part = _patch(scan, scene_with, marked, "points of like intensity")
-            made.append((_count(part), partial(_held, part)))
+            made.append((_count(part), partial(_loaded, part)))
     same = len(np.intersect1d(patch, whole, assume_unique=True)) >= SAME_SET * len(np.union1d(patch, whole))
     if not same and len(patch) < len(whole):
         made.append((len(patch), partial(_patch, scan, scene_with, place, "the patch around the click")))
@@ -155,7 +155,7 @@ def _count(part: WorldPart) -> int:
     return 0 if part.side.indices is None else len(part.side.indices)
 
 
-def _held(part: WorldPart) -> WorldPart:
+def _loaded(part: WorldPart) -> WorldPart:
     return part
 
 

@@ -148,23 +148,23 @@ class RangeView:
         outline = shapely.make_valid(shapely.Polygon(ring)) if len(ring) > 2 else shapely.Polygon()
         if not outline.area:
             raise ValueError(f"found {len(ring)} corners around no area; needed an outline of 3 corners or more")
-        held = np.empty(len(points), dtype=np.bool_)
+        is_inside = np.empty(len(points), dtype=np.bool_)
         for block in _blocks(len(points)):
-            held[block] = shapely.contains_xy(outline, self.pixels(points[block]))
-        return held
+            is_inside[block] = shapely.contains_xy(outline, self.pixels(points[block]))
+        return is_inside
 
     def picture(self, points: Array, colors: Bytes, visible_points: Cells) -> Bytes:
         """The picture (h, w, 3) of points (n, 3) in colors (n, 3), edges of depth shaded.
 
         `shown` (h, w): which of these points each pixel shows, -1 for none.
         """
-        held = visible_points >= 0
-        own = visible_points[held]
+        has_point = visible_points >= 0
+        own = visible_points[has_point]
         drawn = np.empty((*self.indices.shape, 3), dtype=np.uint8)
         drawn[:] = BACKGROUND
         ranges = np.full(self.indices.shape, np.inf, dtype=np.float32)
-        ranges[held] = np.linalg.norm(points[own] - self.place, axis=1)
-        drawn[held] = np.round(colors[own] * _light(ranges)[held, None]).astype(np.uint8)
+        ranges[has_point] = np.linalg.norm(points[own] - self.place, axis=1)
+        drawn[has_point] = np.round(colors[own] * _light(ranges)[has_point, None]).astype(np.uint8)
         return drawn
 
 
@@ -229,11 +229,11 @@ def _angles(points: Array, place: Array, axes: Axes) -> tuple[Array, Array]:
 
 def _directions(points: Array, place: Array, axes: Axes) -> Directions:
     """Where points (n, 3) are seen from a place."""
-    held = np.empty((3, len(points)), dtype=np.float32)
+    components = np.empty((3, len(points)), dtype=np.float32)
     for block in _blocks(len(points)):
-        angles, held[2, block] = _angles(points[block], place, axes)
-        held[:2, block] = angles.T
-    return Directions(*held)
+        angles, components[2, block] = _angles(points[block], place, axes)
+        components[:2, block] = angles.T
+    return Directions(*components)
 
 
 def _blocks(count: int) -> Iterator[slice]:
@@ -246,12 +246,12 @@ def _widest_gap(azimuth: Floats) -> float:
     counts = np.zeros(360, dtype=np.int64)
     for block in _blocks(len(azimuth)):
         counts += np.bincount(np.floor(azimuth[block]).astype(np.int64) % 360, minlength=360)
-    held = np.flatnonzero(counts)
-    if not len(held) or len(held) == 360:
+    occupied = np.flatnonzero(counts)
+    if not len(occupied) or len(occupied) == 360:
         return 180.0
-    gaps = np.diff(np.append(held, held[0] + 360))
+    gaps = np.diff(np.append(occupied, occupied[0] + 360))
     widest = int(np.argmax(gaps))
-    return float(held[widest] + 1) if gaps[widest] > 5 else 180.0
+    return float(occupied[widest] + 1) if gaps[widest] > 5 else 180.0
 
 
 def _step(across: float, down: float, count: int) -> float:
@@ -286,8 +286,8 @@ def _filled(nearest: Indices) -> Indices:
     return np.where(distance <= 0.5 * GAP_SLACK * _gap(~empty) + 1.0, nearest[rows, columns], -1)
 
 
-def _gap(held: Mask) -> float:
-    """The usual distance, pixels, from a held pixel to the next one below it."""
-    rows, columns = np.nonzero(held.T)[::-1]
+def _gap(has_point: Mask) -> float:
+    """The usual distance, pixels, from a has_point pixel to the next one below it."""
+    rows, columns = np.nonzero(has_point.T)[::-1]
     steps = np.diff(rows)[np.diff(columns) == 0]
     return float(np.percentile(steps, 75)) if len(steps) else 1.0

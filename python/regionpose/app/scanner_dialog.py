@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable
 
 from nicegui import ui
 
-from regionpose.app.elements import complain
+from regionpose.app.elements import notify_error
 from regionpose.app.shared_session import SharedSession
 from regionpose.app.texts import SCANNER_QUESTION, scanner_text
 
@@ -37,10 +37,10 @@ class ScannerDialog:
     def show(self) -> None:
         """Show the scanner's place on the button."""
         session = self._shared.session
-        self._button.set_text(scanner_text(session.scanner, session.asks_for_scanner))
-        self._button.props(f"color={'orange-9' if session.asks_for_scanner else 'grey-8'}")
+        self._button.set_text(scanner_text(session.scanner, session.lacks_scanner))
+        self._button.props(f"color={'orange-9' if session.lacks_scanner else 'grey-8'}")
         # The pose by edges assumes the cloud's zero, and reports that.
-        if session.asks_for_scanner and not self._has_asked and (session.regions or not session.searches_edges):
+        if session.lacks_scanner and not self._has_asked and (session.regions or not session.searches_edges):
             self._has_asked = True
             self._ask()
 
@@ -54,7 +54,7 @@ class ScannerDialog:
     async def _there(self) -> None:
         values = [number.value for number in self._numbers]
         if any(value is None for value in values):
-            complain("needed three numbers, meters")
+            notify_error("needed three numbers, meters")
             return
         self._dialog.close()
         await self._answered([float(value) for value in values])

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Timer
 
-from regionpose.app.guard import MOST_BYTES, Guard, leading_to
+from regionpose.app.guard import MOST_BYTES, Guard, redirect_page
 from regionpose.app.shared_session import SharedSession
 from regionpose.validation.extras import load_extra
 
@@ -38,10 +38,10 @@ def serve(
     from regionpose.app.page import Page
 
     def file(name: str) -> Response:
-        held = shared.files.get(name)
-        if held is None:
+        served = shared.files.get(name)
+        if served is None:
             return Response("no such file\n", status_code=404, media_type="text/plain")
-        return Response(held.content, media_type=held.media, headers={"cache-control": "no-store"})
+        return Response(served.content, media_type=served.media, headers={"cache-control": "no-store"})
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     app.add_api_route("/files/{name}", file, response_class=Response, response_model=None)
@@ -77,7 +77,7 @@ def _address_file(address: str) -> Iterator[Path]:
     with TemporaryDirectory(prefix="regionpose-") as folder:
         file = Path(folder) / "pick.html"
         file.touch(mode=0o600)
-        file.write_text(leading_to(address), encoding="utf-8")
+        file.write_text(redirect_page(address), encoding="utf-8")
         yield file
 
 

@@ -123,10 +123,10 @@ class Session:
         """The session of a scene file at `path` with one photo; errors as of its files."""
         values = dict(values)
         held_lists = {key: values.get(key, []) for key in ("regions", "image_regions", "world_regions")}
-        lists = {key: values.pop(key, []) for key, held in held_lists.items() if isinstance(held, list)}
+        lists = {key: values.pop(key, []) for key, items in held_lists.items() if isinstance(items, list)}
         session = cls._with_sensors(path, values, stages)
         with stages.stage("regions"):
-            for written, _ in with_progress([region for held in lists.values() for region in held], stages.progress):
+            for written, _ in with_progress([region for items in lists.values() for region in items], stages.progress):
                 session._read(written)
         session._saved = session.sketch = replace(session.sketch, selected=None)
         return session
@@ -142,13 +142,13 @@ class Session:
 
     def _read(self, written: dict[str, Any]) -> None:
         """Add a region that the scene file holds."""
-        held: dict[str, Any] = {"key": self._next, "name": written["name"]}
+        parts: dict[str, Any] = {"key": self._next, "name": written["name"]}
         if "image" in written:
-            held["image"] = only(self._image_part(written["image"]))
+            parts["image"] = only(self._image_part(written["image"]))
         if "world" in written:
-            held["world"] = only(self._world_part(written["world"]))
+            parts["world"] = only(self._world_part(written["world"]))
         self._next += 1
-        self.sketch = self.sketch.with_region(Picked(**held))
+        self.sketch = self.sketch.with_region(Picked(**parts))
 
     def _image_part(self, written: dict[str, Any]) -> ImagePart:
         scene = self._scene([_alone(written, {"seed": [0.0, 0.0, 0.0]})])
@@ -176,7 +176,7 @@ class Session:
         return self.sketch.scan
 
     @property
-    def asks_for_scanner(self) -> bool:
+    def lacks_scanner(self) -> bool:
         """Whether neither the scene nor the cloud's file states where the scanner stood, or that there were several."""
         return self.scan.scanner is None and "sensor_origin" not in self.base
 
@@ -270,10 +270,10 @@ class Session:
     def _can_match(self) -> bool:
         """Whether there are regions with one side only; planes are not searched for this."""
         in_photo = any(picked.world is None for picked in self.regions)
-        return in_photo and (self._asks_planes or any(picked.image is None for picked in self.regions))
+        return in_photo and (self._matches_planes or any(picked.image is None for picked in self.regions))
 
     @property
-    def _asks_planes(self) -> bool:
+    def _matches_planes(self) -> bool:
         """Whether the photo's own regions are to be matched with all planes of the cloud."""
         return self.base.get("world_regions") == PLANES and all(picked.image is not None for picked in self.regions)
 
@@ -322,9 +322,9 @@ class Session:
         A further click at the place takes the next narrower proposal, and the whole plane again after the last.
         """
         selected = self.sketch.selected
-        held = None if selected is None else self.sketch.region(selected).world
-        if selected is not None and held is not None and self._is_at(held.place, place):
-            self.choose(selected, "world", (held.index or len(held)) - 1)
+        world = None if selected is None else self.sketch.region(selected).world
+        if selected is not None and world is not None and self._is_at(world.place, place):
+            self.choose(selected, "world", (world.index or len(world)) - 1)
             return
         choices = plane_choices(self.scan, self._scene_with, np.asarray(place, dtype=np.float64))
         self._give("world", choices, again)
@@ -350,15 +350,15 @@ class Session:
         points = self.cloud.local_points
         start = self._selected_points
         start = pictured if start is None else start
-        held = start[inside(points[start])]
-        if len(held) < LEAST_POINTS:
-            raise ValueError(f"found {len(held)} points inside; needed at least {LEAST_POINTS}")
+        inner = start[inside(points[start])]
+        if len(inner) < LEAST_POINTS:
+            raise ValueError(f"found {len(inner)} points inside; needed at least {LEAST_POINTS}")
         for _ in range(MOST_REFITS):
-            on_plane = points_on_plane(points, held, self.scan.scanner)
-            before, held = held, on_plane[inside(points[on_plane])]
-            if np.array_equal(held, before):
+            on_plane = points_on_plane(points, inner, self.scan.scanner)
+            before, inner = inner, on_plane[inside(points[on_plane])]
+            if np.array_equal(inner, before):
                 break
-        self._give("world", only(picked_points(self.scan, held, "cut out")), again=True)
+        self._give("world", only(picked_points(self.scan, inner, "cut out")), again=True)
 
     @property
     def _selected_points(self) -> NDArray[np.intp] | None:
@@ -502,7 +502,7 @@ class Session:
         """The regions of one side, which the estimate matches where there are some of either."""
         images = [picked for picked in self.regions if picked.world is None]
         worlds = {picked.name: _chosen(picked.world).side for picked in self.regions if picked.image is None}
-        if images and self._asks_planes:
+        if images and self._matches_planes:
             if not self._planes:
                 self._planes.update(plane_sides(scene_of(self.path, self.values()), self.scan))
             worlds = self._planes

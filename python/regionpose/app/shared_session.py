@@ -45,7 +45,7 @@ COLORINGS = {"depth": "Depth", "intensity": "Intensity", "own": "Color", "photo"
 
 
 @dataclass(frozen=True)
-class Served:
+class ServedFile:
     """A file that the page asks for."""
 
     content: bytes
@@ -63,13 +63,13 @@ class SharedSession:
         self.revision = self.pictured = 0
         # Without a region in sight, it is by the cloud over the photo that one sees whether a pose is right.
         self.shows_depth = session.searches_edges
-        self.files: dict[str, Served] = {}
+        self.files: dict[str, ServedFile] = {}
         self._lock = threading.RLock()
         self._look_at(session)
         self._estimator = Estimator(self._lock, self._snapshot, self._show)
         self._begin()
 
-    def turn_to(self, session: Session) -> None:
+    def show_session(self, session: Session) -> None:
         """Show another session, as of the next frame of a rig, in the place of this one."""
         with self._lock:
             self._estimator.abandon()
@@ -91,7 +91,7 @@ class SharedSession:
         self.coloring = "depth"
         self._overlays: tuple[str, ...] = ()
         self._rays: RayIndex | None = None
-        self.proposal = proposed_scanner(session.cloud) if session.asks_for_scanner else None
+        self.proposal = proposed_scanner(session.cloud) if session.lacks_scanner else None
         self._look()
         self.middle = np.median(self.cloud.local_points[self._sample], axis=0)
         self._serve_still()
@@ -209,9 +209,9 @@ class SharedSession:
 
     def projected_shapes(self) -> list[dict[str, Any]]:
         """The outlines that the pose projects into the photo, for the page."""
-        held = {picked.key for picked in self.session.regions}
+        keys = {picked.key for picked in self.session.regions}
         return [
-            {"color": color_of(key), "lines": lines} for key, lines in self.outcome.projected.items() if key in held
+            {"color": color_of(key), "lines": lines} for key, lines in self.outcome.projected.items() if key in keys
         ]
 
     def range_shapes(self) -> list[dict[str, Any]]:
@@ -241,17 +241,17 @@ class SharedSession:
         """What never changes: the photo and the places of the shown points."""
         photo = Image.fromarray(self.session.image)
         photo.thumbnail((LARGEST_SIDE, LARGEST_SIDE), Image.Resampling.LANCZOS)
-        self.files["photo.jpg"] = Served(_encoded(photo, "JPEG"), "image/jpeg")
+        self.files["photo.jpg"] = ServedFile(_encoded(photo, "JPEG"), "image/jpeg")
         points = self.cloud.local_points[self._sample]
-        self.files["points.bin"] = Served(point_buffer(points, self.middle), "application/octet-stream")
+        self.files["points.bin"] = ServedFile(point_buffer(points, self.middle), "application/octet-stream")
 
     def _serve_cloud(self) -> None:
         """The range image and the colors of the shown points, with the regions' own points in their colors."""
         colors = self._marked(self._colors_of(self.coloring))
         picture = Image.fromarray(self.range_view.picture(self.cloud.local_points, colors, self._pictured))
         self.pictured += 1
-        self.files["range.jpg"] = Served(_encoded(picture, "JPEG"), "image/jpeg")
-        self.files["colors.bin"] = Served(colors[self._sample].tobytes(), "application/octet-stream")
+        self.files["range.jpg"] = ServedFile(_encoded(picture, "JPEG"), "image/jpeg")
+        self.files["colors.bin"] = ServedFile(colors[self._sample].tobytes(), "application/octet-stream")
 
     def _serve_depth(self) -> None:
         """The photo with the points that either picture of the cloud shows, at the last poses; none without a pose."""
@@ -259,7 +259,7 @@ class SharedSession:
         for name, pose in poses.items():
             picture = Image.fromarray(depth_overlay(session.image, session.camera, self.cloud, pose))
             picture.thumbnail((LARGEST_SIDE, LARGEST_SIDE), Image.Resampling.LANCZOS)
-            self.files[name] = Served(_encoded(picture, "JPEG"), "image/jpeg")
+            self.files[name] = ServedFile(_encoded(picture, "JPEG"), "image/jpeg")
         # Last: a page that looks in between would keep what it finds.
         self._overlays = tuple(poses)
         self.pictured += 1
@@ -338,10 +338,10 @@ def _places(count: int, *chosen: NDArray[np.int64]) -> tuple[NDArray[np.int64], 
     marked = np.zeros(count, dtype=np.bool_)
     for indices in chosen:
         marked[indices] = True
-    held = np.flatnonzero(marked)
+    indices = np.flatnonzero(marked)
     places = np.full(count, -1, dtype=np.int32)
-    places[held] = np.arange(len(held), dtype=np.int32)
-    return held, places
+    places[indices] = np.arange(len(indices), dtype=np.int32)
+    return indices, places
 
 
 def _part(cloud: Cloud, indices: NDArray[np.int64]) -> Cloud:
@@ -354,10 +354,10 @@ def _part(cloud: Cloud, indices: NDArray[np.int64]) -> Cloud:
     )
 
 
-def _places_in(held: NDArray[np.int64], wanted: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Where those wanted that are among the held, both ascending, stand there."""
-    places = np.minimum(np.searchsorted(held, wanted), len(held) - 1)
-    return np.asarray(places[held[places] == wanted])
+def _places_in(ascending: NDArray[np.int64], wanted: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Where those wanted that are among the ascending, both ascending, stand there."""
+    places = np.minimum(np.searchsorted(ascending, wanted), len(ascending) - 1)
+    return np.asarray(places[ascending[places] == wanted])
 
 
 def _up(session: Session) -> Array | None:
@@ -387,7 +387,7 @@ def _split(line: Array) -> Array:
 
 
 def _encoded(picture: Image.Image, form: str) -> bytes:
-    held = io.BytesIO()
+    buffer = io.BytesIO()
     # Dots of a pixel keep their color.
-    picture.save(held, format=form, quality=90, subsampling=0)
-    return held.getvalue()
+    picture.save(buffer, format=form, quality=90, subsampling=0)
+    return buffer.getvalue()

@@ -30,9 +30,9 @@ class Sketch:
 
     def with_region(self, region: Picked) -> Sketch:
         """The sketch with this region in the place of the one of its key, or at the end."""
-        held = any(picked.key == region.key for picked in self.regions)
+        is_listed = any(picked.key == region.key for picked in self.regions)
         kept = tuple(region if picked.key == region.key else picked for picked in self.regions)
-        return replace(self, regions=kept if held else (*kept, region), selected=region.key)
+        return replace(self, regions=kept if is_listed else (*kept, region), selected=region.key)
 
     def without(self, *keys: int) -> Sketch:
         """The sketch without some regions."""

@@ -61,13 +61,13 @@ def camera_from_colmap(
     names, numbers = COLMAP_MODELS[model].split(), finite_numbers("params", params)
     if len(numbers) != len(names):
         raise ValueError(f"params: found {len(numbers)} numbers; needed {len(names)} for {model} ({' '.join(names)})")
-    held = dict(zip(names, numbers, strict=True))
-    fx, fy = held.get("fx", held.get("f", 0.0)), held.get("fy", held.get("f", 0.0))
-    center = held["cx"] - CORNER_TO_CENTER, held["cy"] - CORNER_TO_CENTER
+    parameters = dict(zip(names, numbers, strict=True))
+    fx, fy = parameters.get("fx", parameters.get("f", 0.0)), parameters.get("fy", parameters.get("f", 0.0))
+    center = parameters["cx"] - CORNER_TO_CENTER, parameters["cy"] - CORNER_TO_CENTER
     if model.endswith("FISHEYE"):
-        coefficients = tuple(held.get(key, 0.0) for key in ("k1", "k2", "k3", "k4"))
+        coefficients = tuple(parameters.get(key, 0.0) for key in ("k1", "k2", "k3", "k4"))
         return FisheyeCamera(fx, fy, *center, distortion=coefficients, width=width, height=height)
-    return PinholeCamera(fx, fy, *center, distortion=_distortion(held), width=width, height=height)
+    return PinholeCamera(fx, fy, *center, distortion=_distortion(parameters), width=width, height=height)
 
 
 @checked_arguments

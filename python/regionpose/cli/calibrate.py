@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from regionpose.cli.cameras import SCENE_FILE, camera_scenes, left_out, run_cameras
+from regionpose.cli.cameras import SCENE_FILE, camera_scenes, run_cameras, unpaired_photos
 from regionpose.cli.console import Progress, print_remarks
 from regionpose.cli.estimate import run_scene
 from regionpose.cli.options import (
@@ -182,7 +182,7 @@ def _scene(
         if len(paths) == 1:
             progress.begin("pairs of the folder")
             scene, alone = folder_scene(paths[0], path, options)
-            return scene, left_out(alone)
+            return scene, unpaired_photos(alone)
         progress.begin("files")
         return pair_scene(paths[0], paths[1], path, options), []
 

@@ -23,7 +23,7 @@ BY_SEVERITY = (0, WARNED, DOUBTED, BAD_INPUT)
 """Exit codes of cameras, the worst last."""
 
 
-def left_out(photos: Sequence[Path]) -> list[str]:
+def unpaired_photos(photos: Sequence[Path]) -> list[str]:
     """The remark about photos without a cloud, where there are some."""
     return [f"left out, no cloud of the name: {', '.join(photo.name for photo in photos)}"] if photos else []
 
@@ -53,7 +53,7 @@ def camera_scenes(
             own = replace(options, camera=camera, prior=priors[folder.name])
             path = out / folder.name / SCENE_FILE
             scenes[folder.name], alone = folder_scene(folder, path, own, (rig / CLOUDS, rig))
-            remarks += [f"{folder.name}: {remark}" for remark in left_out(alone)]
+            remarks += [f"{folder.name}: {remark}" for remark in unpaired_photos(alone)]
     print_remarks(remarks, quiet)
     return scenes
 

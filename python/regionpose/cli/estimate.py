@@ -185,10 +185,10 @@ def _samples_text(region: dict[str, Any]) -> str:
 
 def _print_matching(found: dict[str, Any]) -> None:
     """Which unpaired regions were found to be which."""
-    for held in found["matching"] or ():
-        typer.echo("pairs found" + (f" in {held['frame']}" if "frame" in held else ""))
-        print_rows([(image, world) for image, world in held["pairs"]])
-        left = [*held["unmatched_image_regions"], *held["unmatched_world_regions"]]
+    for frame_pairs in found["matching"] or ():
+        typer.echo("pairs found" + (f" in {frame_pairs['frame']}" if "frame" in frame_pairs else ""))
+        print_rows([(image, world) for image, world in frame_pairs["pairs"]])
+        left = [*frame_pairs["unmatched_image_regions"], *frame_pairs["unmatched_world_regions"]]
         if left:
             typer.echo(f"without a partner: {', '.join(left)}")
 

@@ -68,13 +68,13 @@ def export(
     from regionpose.io.calibrations.poses import PoseSource, read_pose_file
     from regionpose.io.exports import ExportedView, exported
 
-    held = _held(pose)
+    result = _result_values(pose)
     placed = read_pose_file(pose, PoseSource(camera_name, camera, image))
     print_remarks([f"pose: {pose}: {placed.remark}"] if placed.remark else [], quiet=False)
     view = ExportedView(
         placed.pose,
-        _camera(held, camera, camera_name, camera_model, rectified),
-        image or _image(pose, held, out),
+        _camera(result, camera, camera_name, camera_model, rectified),
+        image or _image(pose, result, out),
         _frame("--world-frame", world_frame),
         _frame("--camera-frame", camera_frame),
         body or name is FormatName.autoware,
@@ -87,24 +87,24 @@ def export(
         typer.echo(f"written: {', '.join(str(path) for path in written)}")
 
 
-def _held(path: Path) -> dict[str, Any]:
+def _result_values(path: Path) -> dict[str, Any]:
     """What a result.json holds; nothing for another file."""
     from regionpose.io.reading import read_json
 
-    held = read_json(path) if path.suffix.lower() == ".json" else {}
-    return held if isinstance(held, dict) else {}
+    result = read_json(path) if path.suffix.lower() == ".json" else {}
+    return result if isinstance(result, dict) else {}
 
 
-def _image(path: Path, held: dict[str, Any], out: Path | None) -> str | None:
+def _image(path: Path, result: dict[str, Any], out: Path | None) -> str | None:
     """The path of the result's photo, for a file in the folder `out` or the working one; None where it has none."""
     from regionpose.scene.paths import relative
 
-    name = held.get("image")
+    name = result.get("image")
     return relative(path.parent / name, out or Path()) if isinstance(name, str) else None
 
 
 def _camera(
-    held: dict[str, Any], path: Path | None, name: str | None, model: str | None, rectified: bool
+    result: dict[str, Any], path: Path | None, name: str | None, model: str | None, rectified: bool
 ) -> Camera | None:
     """The camera that is given, or the result's."""
     from regionpose.io.calibrations import load_camera
@@ -112,7 +112,7 @@ def _camera(
 
     if path is not None:
         return load_camera(path, name, model=model, rectified=rectified)
-    values = held.get("camera")
+    values = result.get("camera")
     return camera_of_values(values) if isinstance(values, dict) else None
 
 

@@ -132,15 +132,15 @@ def _text_facts(path: Path, choice: CameraChoice, progress: Progress, columns: l
     """The facts about a scene, a result or a calibration; about a cloud for a text of numbers."""
     from regionpose.scene.document import SceneError, read_document
 
-    held: object = None
+    content: object = None
     if path.suffix.lower() in DOCUMENT_SUFFIXES:
         try:
-            held = read_document(path).value
+            content = read_document(path).value
         except SceneError:
-            held = None  # Calibrations of OpenCV are not quite YAML.
-    if isinstance(held, dict) and str(held.get("format", "")).startswith("regionpose result"):
+            content = None  # Calibrations of OpenCV are not quite YAML.
+    if isinstance(content, dict) and str(content.get("format", "")).startswith("regionpose result"):
         return _result_facts(path)
-    if isinstance(held, dict) and _is_scene(held):
+    if isinstance(content, dict) and _is_scene(content):
         return _scene_facts(path)
     readers: list[Callable[[], Facts]] = [lambda: _camera_facts(path, choice), lambda: pose_facts(path, choice.name)]
     if path.suffix.lower() in {".json", ".xml"}:
@@ -150,11 +150,11 @@ def _text_facts(path: Path, choice: CameraChoice, progress: Progress, columns: l
     return _first_that_reads(path, readers)
 
 
-def _is_scene(held: dict[Any, Any]) -> bool:
+def _is_scene(content: dict[Any, Any]) -> bool:
     """Whether a mapping holds more than one key of a scene file: calibrations share one with it at the most."""
     from regionpose.scene.models import SceneModel
 
-    return len(held.keys() & SceneModel.model_fields.keys()) > 1
+    return len(content.keys() & SceneModel.model_fields.keys()) > 1
 
 
 def _first_that_reads(path: Path, readers: list[Callable[[], Facts]]) -> Facts:
@@ -175,13 +175,13 @@ def _bag_facts(path: Path) -> Facts:
     from regionpose.io.bags.pictures import KINDS as PICTURES
     from regionpose.io.clouds.ros import KINDS as CLOUDS
 
-    held, uses = summary(path), {**dict.fromkeys(CLOUDS, "cloud"), **dict.fromkeys(PICTURES, "image")}
+    bag, uses = summary(path), {**dict.fromkeys(CLOUDS, "cloud"), **dict.fromkeys(PICTURES, "image")}
     uses |= dict.fromkeys(CALIBRATIONS, "calibration")
     topics = [
         {"topic": name, "type": kind, "messages": count, "read_as": uses.get(kind.rpartition("/")[2])}
-        for name, kind, count in held.topics
+        for name, kind, count in bag.topics
     ]
-    return {"kind": "bag", "duration_s": held.duration_s, "begins_s": held.begins_s, "topics": topics}
+    return {"kind": "bag", "duration_s": bag.duration_s, "begins_s": bag.begins_s, "topics": topics}
 
 
 def _topic_line(topic: Facts) -> str:
@@ -200,9 +200,9 @@ def _array_facts(path: Path) -> Facts | None:
         return None
     if values.ndim != 1 or values.dtype.kind not in "biu" or not len(values):
         return None
-    held = "mask" if values.dtype.kind == "b" else "indices or labels"
+    meaning = "mask" if values.dtype.kind == "b" else "indices or labels"
     low, high = int(values.min()), int(values.max())
-    return {"kind": f"{held} of points", "values": len(values), "lowest": low, "highest": high}
+    return {"kind": f"{meaning} of points", "values": len(values), "lowest": low, "highest": high}
 
 
 def _mask_facts(path: Path) -> Facts:
@@ -324,13 +324,13 @@ def pose_facts(path: Path, camera_name: str | None) -> Facts:
     """The facts about a file that holds a pose; ValueError where it holds none of a known kind."""
     from regionpose.io.calibrations.poses import PoseSource, read_pose_file
 
-    held = read_pose_file(path, PoseSource(camera_name))
+    pose_file = read_pose_file(path, PoseSource(camera_name))
     return {
         "kind": "pose",
-        "written_as": held.kind,
-        "meaning": held.convention,
-        "camera_from_world": held.pose.matrix.tolist(),
-        "camera_center_m": held.pose.camera_center.tolist(),
+        "written_as": pose_file.kind,
+        "meaning": pose_file.convention,
+        "camera_from_world": pose_file.pose.matrix.tolist(),
+        "camera_center_m": pose_file.pose.camera_center.tolist(),
     }
 
 
@@ -365,19 +365,19 @@ def _kind(side: Any) -> str:
 def _result_facts(path: Path) -> Facts:
     from regionpose.io.reading import read_json
 
-    held = read_json(path)
-    facts: Facts = {"kind": "result", **{key: held.get(key) for key in SHOWN_OF_RESULT}}
-    diagnostics = held.get("diagnostics", {})
+    result = read_json(path)
+    facts: Facts = {"kind": "result", **{key: result.get(key) for key in SHOWN_OF_RESULT}}
+    diagnostics = result.get("diagnostics", {})
     if not isinstance(diagnostics, dict):
         raise ValueError(f"{path}: diagnostics: found something else; needed a mapping")
     facts["regions"] = _column(path, diagnostics, "regions", "name")
-    facts["warnings"] = _column(path, held, "warnings", "code")
+    facts["warnings"] = _column(path, result, "warnings", "code")
     return facts
 
 
-def _column(path: Path, held: Facts, key: str, name: str) -> list[str]:
+def _column(path: Path, result: Facts, key: str, name: str) -> list[str]:
     """The value at `name` of each item of a list in a result."""
-    items = held.get(key, [])
+    items = result.get(key, [])
     if not (isinstance(items, list) and all(isinstance(item, dict) and name in item for item in items)):
         raise ValueError(f"{path}: {key}: found something else; needed a list of items, each with a {name}")
     return [item[name] for item in items]

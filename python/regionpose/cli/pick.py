@@ -102,12 +102,12 @@ def _session(
     if demo:
         from regionpose.datasets.demo import demo_folder
 
-        held = demo_folder()
+        folder = demo_folder()
         return Session.create(
             scene,
-            image=held / "image.jpg",
-            camera=held / "camera_info.yaml",
-            cloud=held / "cloud.ply",
+            image=folder / "image.jpg",
+            camera=folder / "camera_info.yaml",
+            cloud=folder / "cloud.ply",
             stages=stages,
             sensor_origin=[0, 0, 0],
         )
@@ -141,4 +141,4 @@ def _frame(scene: Path, files: dict[str, Path | None], demo: bool, stages: Stage
         what = "a folder of frames" if scene.is_dir() else "a scene of frames"
         raise ValueError(f"{(odd or ['--demo'])[0]}: found it beside {scene}, {what}; needed none")
     frames = Frames.of_folder(scene, files["--camera"]) if scene.is_dir() else Frames.of_scene(scene)
-    return frames.turned_to(0, stages)
+    return frames.session_at(0, stages)

@@ -45,5 +45,5 @@ def recording_scene(
     else:
         pairs = pairs_at(bag, topics, times, progress.share)
     remarks = [f"frames of {bag}: {topics.photos} with {topics.clouds}"]
-    remarks += [f"  {pair.name}, {pair.apart}" for pair in pairs]
+    remarks += [f"  {pair.name}, {pair.delay_text}" for pair in pairs]
     return scene_of_recording(bag, topics, pairs, path, options), remarks

@@ -191,8 +191,8 @@ def _scene_writers(scene: Scene, sides: SceneData, out: Path) -> dict[str, Any]:
     from regionpose.scene.paths import moved
 
     writers: dict[str, Any] = {}
-    held: Any = moved(scene.document.value, scene.path.parent, out)
-    for index, (region, observed, world) in enumerate(_with_sides(held, sides)):
+    values: Any = moved(scene.document.value, scene.path.parent, out)
+    for index, (region, observed, world) in enumerate(_with_sides(values, sides)):
         if observed is not None and observed.mask is not None:
             picture = Image.fromarray(np.where(observed.mask.full() > MASK_LEVEL, 255, 0).astype(np.uint8))
             region["image"] = _kept(region["image"], "unknown", "unknown_label")
@@ -202,17 +202,17 @@ def _scene_writers(scene: Scene, sides: SceneData, out: Path) -> dict[str, Any]:
             region["world"] = _kept(region["world"], "viewpoint", "radius_m", "extends")
             region["world"]["points"] = _points_name(index, region["name"])
             writers[region["world"]["points"]] = partial(np.save, arr=sides.cloud.to_file_indices(world.indices))
-    writers[SCENE_FILE] = text_writer(to_yaml(held))
+    writers[SCENE_FILE] = text_writer(to_yaml(values))
     return writers
 
 
 def _with_sides(
-    held: dict[str, Any], sides: SceneData
+    values: dict[str, Any], sides: SceneData
 ) -> Iterator[tuple[dict[str, Any], ImageRegion | None, WorldSide | None]]:
     """The regions that a scene's values write out, as `named_regions` orders them, and the sides that each has."""
-    loose, worlds = sides.unpaired, held.get("world_regions", [])
-    yield from zip(held.get("regions", []), sides.image_regions, sides.world_sides, strict=True)
-    for written, region in zip(held.get("image_regions", []), loose.image_regions, strict=True):
+    loose, worlds = sides.unpaired, values.get("world_regions", [])
+    yield from zip(values.get("regions", []), sides.image_regions, sides.world_sides, strict=True)
+    for written, region in zip(values.get("image_regions", []), loose.image_regions, strict=True):
         yield written, region, None
     if isinstance(worlds, list):
         for written, side in zip(worlds, loose.world_sides, strict=True):

@@ -115,20 +115,20 @@ def load_demo(path: Path | None = None) -> DemoScene:
     path : Path, optional
         The generator's folder.
     """
-    held = demo_folder() if path is None else path
-    cloud = read_cloud(held / CLOUD_FILE)
-    truth = json.loads((held / TRUTH_FILE).read_text(encoding="utf-8"))
-    camera = load_camera(held / CAMERA_FILE)
+    folder = demo_folder() if path is None else path
+    cloud = read_cloud(folder / CLOUD_FILE)
+    truth = json.loads((folder / TRUTH_FILE).read_text(encoding="utf-8"))
+    camera = load_camera(folder / CAMERA_FILE)
     if not isinstance(camera, PinholeCamera):
         raise ValueError(f"{CAMERA_FILE} holds a {type(camera).__name__}; the demo scene needs a PinholeCamera")
     return DemoScene(
-        image=read_colors(held / IMAGE_FILE),
+        image=read_colors(folder / IMAGE_FILE),
         camera=camera,
-        camera_path=held / CAMERA_FILE,
+        camera_path=folder / CAMERA_FILE,
         points=cloud.points,
         intensities=_intensities(cloud),
-        labels=read_pixels(held / LABELS_FILE).values,
-        regions=read_regions(held),
+        labels=read_pixels(folder / LABELS_FILE).values,
+        regions=read_regions(folder),
         rotation=np.array(truth["rotation"]),
         translation=np.array(truth["translation"]),
     )

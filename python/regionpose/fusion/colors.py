@@ -293,9 +293,9 @@ def _front_surface(cells: NDArray[np.int32], nearness: Floats, shape: tuple[int,
     np.maximum.at(front.ravel(), cells, nearness)
     near, far = float(nearness.max()), float(nearness.min())
     while True:
-        held = np.flatnonzero((nearness <= near) & (nearness * LAYER_RATIO > near))
-        if len(held) > 1:
-            _add_layer(front, cells[held], nearness[held])
+        layer = np.flatnonzero((nearness <= near) & (nearness * LAYER_RATIO > near))
+        if len(layer) > 1:
+            _add_layer(front, cells[layer], nearness[layer])
         if near <= far * LAYER_STEP:
             return front
         # A step ends at the next point behind it, so that empty ranges cost nothing.

@@ -157,8 +157,8 @@ def _depth(picture: Image.Image) -> int:
 
 
 def _check_pixels(path: Path, picture: Image.Image, per_pixel: int) -> None:
-    held = max(len(picture.getbands()) * _depth(picture), per_pixel)
-    wrong = unfolding_error(path, picture.width * picture.height * held)
+    pixel_bytes = max(len(picture.getbands()) * _depth(picture), per_pixel)
+    wrong = unfolding_error(path, picture.width * picture.height * pixel_bytes)
     if wrong is not None:
         raise FileError(f"{path}: {picture.width} x {picture.height} pixels: {wrong}")
 
@@ -208,11 +208,11 @@ def _array(path: Path, item: str, file: IO[bytes], size: int) -> NDArray[Any]:
     """The array at the start of a file of `size` bytes."""
     try:
         shape, _, kind = ARRAY_HEADERS[np.lib.format.read_magic(file)](file)
-        promised, held = math.prod(shape) * kind.itemsize, size - file.tell()
+        promised, available = math.prod(shape) * kind.itemsize, size - file.tell()
         if kind.hasobject or not kind.itemsize:
             raise FileError(f"{path}: {item}: found {kind} values; needed numbers")
-        if promised > held:
-            raise FileError(f"{path}: {item}: found {held} bytes; needed {promised} for {kind} of shape {shape}")
+        if promised > available:
+            raise FileError(f"{path}: {item}: found {available} bytes; needed {promised} for {kind} of shape {shape}")
         file.seek(0)
         return np.lib.format.read_array(file, allow_pickle=False)
     except FileError:

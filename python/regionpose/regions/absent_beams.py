@@ -259,8 +259,8 @@ def _middles(angles: Array, ring: Indices, count: int) -> Array:
     rest = _wrapped(angles - first[ring])
     order = np.lexsort((rest, ring))
     ends = np.cumsum(np.bincount(ring, minlength=count))
-    held = np.diff(np.concatenate([[0], ends]))
-    middle = np.minimum(ends - held + held // 2, len(ring) - 1)
+    counts = np.diff(np.concatenate([[0], ends]))
+    middle = np.minimum(ends - counts + counts // 2, len(ring) - 1)
     return np.asarray(first + rest[order][middle])
 
 

@@ -83,8 +83,8 @@ def traced_mask(mask: ArrayLike) -> tuple[list[Array], MaskWindow]:
     """Rings (n, 2) of a mask's contour, pixels, and its window; ValueError as of `ImageRegion.from_mask`."""
     given = checked_mask(mask)
     rings, (left, top, right, bottom), binary = _core.mask_contours(_native(given))
-    held = given[top:bottom, left:right]
-    coverage = held.astype(np.bool_, copy=False) if binary else _native(held).copy()
+    cropped = given[top:bottom, left:right]
+    coverage = cropped.astype(np.bool_, copy=False) if binary else _native(cropped).copy()
     coverage.setflags(write=False)
     return rings, MaskWindow(coverage, (left, top), (given.shape[0], given.shape[1]))
 

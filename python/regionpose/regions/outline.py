@@ -160,11 +160,11 @@ def _area(even: Array, rings: list[Array]) -> float | None:
     """
     polygon = shapely.Polygon(rings[0], rings[1:])
     rounded = polygon.buffer(np.sqrt(np.finfo(float).eps * polygon.area))
-    held = int(shapely.intersects_xy(rounded, even[:, 0], even[:, 1]).sum())
+    sample_count = int(shapely.intersects_xy(rounded, even[:, 0], even[:, 1]).sum())
     boundary = sum(map(len, rings))
-    if held - boundary < INNER_SHARE * held:
+    if sample_count - boundary < INNER_SHARE * sample_count:
         return None
-    return held * float(polygon.area) / (held - 0.5 * boundary - 1.0 + len(rings) - 1)
+    return sample_count * float(polygon.area) / (sample_count - 0.5 * boundary - 1.0 + len(rings) - 1)
 
 
 def _grown(rings: list[Array], area: float) -> list[Array]:

@@ -84,7 +84,7 @@ class WorldRegion:
         >>> rp.WorldRegion.from_polygon([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]])
         WorldRegion(area=2, vertices=4)
         """
-        return cls._made("from_rings", ring_list(rings, 3))
+        return cls._from_core("from_rings", ring_list(rings, 3))
 
     @classmethod
     def from_polygons(cls, polygons: Sequence[Sequence[ArrayLike]]) -> WorldRegion:
@@ -186,7 +186,7 @@ class WorldRegion:
         region = cls._on_plane(plane.origin, plane.axes, _start_outline(plane.flat))
         within = enclosed(plane.flat, (beside - plane.origin) @ plane.axes[:2].T)
         inside = plane.origin + plane.flat @ plane.axes[:2]
-        return region._then("with_samples", inside, beside[~within], beside[within])
+        return region._derived("with_samples", inside, beside[~within], beside[within])
 
     @classmethod
     def from_scan(
@@ -240,17 +240,17 @@ class WorldRegion:
         line = line_samples(cloud, numbers, sensor_origin, extends, absent)
         if line is not None:
             strip = cls._on_plane(line.plane.origin, line.plane.axes, [line.strip])
-            return strip._then("with_samples", *line.plane.lifted(line.samples), is_line=True)
+            return strip._derived("with_samples", *line.plane.lifted(line.samples), is_line=True)
         plane = plane_samples(cloud[numbers], sensor_origin)
         rings = _start_outline(plane.flat)
         samples = scan_samples(cloud, numbers, plane, rings, sensor_origin, extends, absent)
         if samples is None:
             return cls._on_plane(plane.origin, plane.axes, flat_outline(plane.flat))
-        return cls._on_plane(plane.origin, plane.axes, rings)._then("with_samples", *plane.lifted(samples))
+        return cls._on_plane(plane.origin, plane.axes, rings)._derived("with_samples", *plane.lifted(samples))
 
     @classmethod
     def _on_plane(cls, origin: Array, axes: Array, rings: list[Array]) -> WorldRegion:
-        return cls._made("from_outline", origin, axes[:2], rings)
+        return cls._from_core("from_outline", origin, axes[:2], rings)
 
     @classmethod
     def from_mesh(cls, mesh: TriangleMesh) -> WorldRegion:
@@ -267,7 +267,7 @@ class WorldRegion:
             For a closed mesh, inconsistent triangles, or crossing boundaries.
         """
         vertices, faces = mesh_parts(mesh)
-        return cls._made("from_mesh", vertices, faces)
+        return cls._from_core("from_mesh", vertices, faces)
 
     def with_viewpoint(self, viewpoint: ArrayLike) -> WorldRegion:
         """The same region, of which a point lies on the side that the camera sees.
@@ -285,7 +285,7 @@ class WorldRegion:
         ValueError
             For a point that is on no side, within 0.06 deg of the plane.
         """
-        return self._then("seen_from", viewpoint)
+        return self._derived("seen_from", viewpoint)
 
     @property
     def viewpoint(self) -> Array | None:
@@ -334,17 +334,17 @@ class WorldRegion:
         return f"WorldRegion(area={self.area:.6g}, vertices={sum(map(len, self.rings))}{details})"
 
     @classmethod
-    def _made(cls, name: str, *given: Given) -> WorldRegion:
+    def _from_core(cls, name: str, *given: Given) -> WorldRegion:
         """The region that a function of the core makes."""
-        return _remade((Step(name, tuple(map(_kept, given)), {}),))
+        return _replayed((Step(name, tuple(map(_copied, given)), {}),))
 
-    def _then(self, name: str, *given: Given, **options: bool) -> WorldRegion:
+    def _derived(self, name: str, *given: Given, **options: bool) -> WorldRegion:
         """What a method of the core makes of it."""
-        return _remade((*self.steps, Step(name, tuple(map(_kept, given)), options)))
+        return _replayed((*self.steps, Step(name, tuple(map(_copied, given)), options)))
 
     def __reduce__(self) -> tuple[Callable[..., WorldRegion], tuple[object, ...]]:
         """What pickling keeps."""
-        return _remade, (self.steps,)
+        return _replayed, (self.steps,)
 
     def __deepcopy__(self, _: object) -> WorldRegion:
         """Itself: nothing of it changes."""
@@ -360,7 +360,7 @@ def mesh_parts(mesh: object) -> tuple[Array, NDArray[Any]]:
     raise ValueError(f"mesh is a {type(mesh).__name__}; needed one with vertices (n, 3) and faces (k, 3)")
 
 
-def _remade(steps: tuple[Step, ...]) -> WorldRegion:
+def _replayed(steps: tuple[Step, ...]) -> WorldRegion:
     """The region that steps lead to."""
     core: Any = _core.WorldRegion
     for step in steps:
@@ -368,7 +368,7 @@ def _remade(steps: tuple[Step, ...]) -> WorldRegion:
     return WorldRegion(core, steps)
 
 
-def _kept(given: Given) -> Given:
+def _copied(given: Given) -> Given:
     """A copy of an array, or of several."""
     return [np.array(each) for each in given] if isinstance(given, list) else np.array(given)
 

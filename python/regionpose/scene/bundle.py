@@ -90,8 +90,8 @@ def read_truth(path: Path) -> Truth:
     """The known pose of a file with `rotation` (3, 3) and `translation` (3,), meters, from the cloud's frame to the
     camera's.
     """
-    held = json.loads(path.read_text(encoding="utf-8"))
-    return Truth(Pose.from_parts(held["rotation"], held["translation"]))
+    values = json.loads(path.read_text(encoding="utf-8"))
+    return Truth(Pose.from_parts(values["rotation"], values["translation"]))
 
 
 def truth_errors(pose: Pose, truth: Truth) -> dict[str, float]:

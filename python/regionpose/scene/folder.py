@@ -95,7 +95,7 @@ class Pair:
     masks: tuple[Path, ...]
 
     @property
-    def held(self) -> Values:
+    def document_values(self) -> Values:
         """What the scene file holds, nothing where there is none."""
         return {} if self.document is None or not isinstance(self.document.value, dict) else self.document.value
 
@@ -176,11 +176,11 @@ def folder_pairs(folder: Path, shared: Sequence[Path] = ()) -> tuple[list[Pair],
 
 def _by_name(files: Sequence[Path], endings: Iterable[str]) -> dict[str, list[Path]]:
     """The files of these endings by their names without them."""
-    held: dict[str, list[Path]] = {}
+    by_stem: dict[str, list[Path]] = {}
     for file in files:
         if file.suffix.lower() in endings:
-            held.setdefault(file.stem, []).append(file)
-    return held
+            by_stem.setdefault(file.stem, []).append(file)
+    return by_stem
 
 
 def _document(folder: Path, name: str) -> Document | None:
@@ -196,8 +196,8 @@ def _document(folder: Path, name: str) -> Document | None:
 
 
 def _names_cloud(document: Document | None) -> bool:
-    held = document.value if document is not None else None
-    return isinstance(held, dict) and isinstance(held.get("cloud"), str | dict)
+    value = document.value if document is not None else None
+    return isinstance(value, dict) and isinstance(value.get("cloud"), str | dict)
 
 
 def _pair(name: str, photos: list[Path], clouds: list[Path], document: Document | None, masks: list[Path]) -> Pair:
@@ -245,20 +245,20 @@ def _calibration(folder: Path) -> Path:
 
 def _share(document: Document, values: Values, sources: Sources, out: Path, given: set[str]) -> None:
     """Add the values that a pair's scene file gives for all pairs; SceneError where two files differ."""
-    held: Values = moved(document.value, document.path.parent, out)
-    for key in (key for key in SHARED if key in held and key not in given):
-        if key in values and values[key] != held[key]:
+    given_values: Values = moved(document.value, document.path.parent, out)
+    for key in (key for key in SHARED if key in given_values and key not in given):
+        if key in values and values[key] != given_values[key]:
             other = sources[key,].file
             path = other.path if isinstance(other, Document) else other
             raise document.error((key,), f"found another than that of {path}; needed one {key} for all pairs")
-        values.setdefault(key, held[key])
+        values.setdefault(key, given_values[key])
         sources.setdefault((key,), Source(document, (key,)))
 
 
 def _has_regions(pair: Pair, options: FolderOptions, out: Path) -> bool:
     """Whether any file holds regions of a pair."""
     keys = ("regions", "image_regions", "world_regions")
-    return any(pair.held.get(key) for key in keys) or bool(_drawn(pair, options.coco, out))
+    return any(pair.document_values.get(key) for key in keys) or bool(_drawn(pair, options.coco, out))
 
 
 def _frame(pair: Pair, out: Path, options: FolderOptions, *, by_edges: bool) -> tuple[Values, Sources]:
@@ -274,12 +274,12 @@ def _frame(pair: Pair, out: Path, options: FolderOptions, *, by_edges: bool) -> 
     if pair.document is not None:
         _check_photo(pair, pair.document)
         _check_cloud(pair, pair.document)
-        own: Values = moved(pair.held, pair.document.path.parent, out)
+        own: Values = moved(pair.document_values, pair.document.path.parent, out)
         for key in own.keys() - {*SHARED, "image", "name"}:
             values[key], sources[key,] = own[key], Source(pair.document, (key,))
-    if not by_edges and not pair.held.get("regions") and not pair.held.get("image_regions"):
+    if not by_edges and not pair.document_values.get("regions") and not pair.document_values.get("image_regions"):
         _add_drawn(pair, values, sources, _drawn(pair, options.coco, out))
-    if values.get("image_regions") and "world_regions" not in pair.held:
+    if values.get("image_regions") and "world_regions" not in pair.document_values:
         values["world_regions"] = PLANES
         sources["world_regions",] = sources["cloud",]
     return values, sources
@@ -287,7 +287,7 @@ def _frame(pair: Pair, out: Path, options: FolderOptions, *, by_edges: bool) -> 
 
 def _check_photo(pair: Pair, document: Document) -> None:
     """Pass where a pair's scene file names the pair's photo, or none; SceneError otherwise."""
-    named = pair.held.get("image")
+    named = pair.document_values.get("image")
     if named is not None and (document.path.parent / str(named)).resolve() != pair.photo.resolve():
         raise document.error(("image",), f"found {described(named)}; needed {pair.photo.name}, or no such key")
 
@@ -296,7 +296,7 @@ def _check_cloud(pair: Pair, document: Document) -> None:
     """Pass where a pair's scene file names the cloud that was given with the photo, or one of them names none;
     SceneError otherwise.
     """
-    named = pair.held.get("cloud")
+    named = pair.document_values.get("cloud")
     file = named.get("file") if isinstance(named, dict) else named
     if pair.cloud is None or not isinstance(file, str):
         return
@@ -320,7 +320,7 @@ def _drawn(pair: Pair, coco: Path | None, out: Path) -> list[Drawn]:
         found += [Drawn(item.name, {"label": item.name}, beside) for item in _items(beside)]
     if coco is not None:
         labels = [(item.name, {"label": item.name, "image": pair.photo.name}) for item in _items(coco, pair.photo.name)]
-        found += [Drawn(name, held, coco) for name, held in labels]
+        found += [Drawn(name, values, coco) for name, values in labels]
     for mask in pair.masks:
         items, name = _items(mask), mask.stem.removeprefix(f"{pair.name}-") or "region"
         if len(items) == 1:
@@ -342,8 +342,8 @@ def _add_drawn(pair: Pair, values: Values, sources: Sources, drawn: Sequence[Dra
     if not drawn:
         needed = f"needed {pair.name}.yaml, {pair.name}.json or masks {pair.name}-*.png beside it"
         raise SceneError(f"{pair.photo}: found no region of the photo; {needed}")
-    held = values.get("world_regions")
-    worlds = dict(enumerate(held)) if isinstance(held, list) else {}
+    listed = values.get("world_regions")
+    worlds = dict(enumerate(listed)) if isinstance(listed, list) else {}
     named = {str(one["name"]): k for k, one in worlds.items() if isinstance(one, dict) and "name" in one}
     regions: list[Values] = []
     alone: list[Values] = []

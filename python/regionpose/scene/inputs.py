@@ -26,8 +26,8 @@ def input_values(scene: Scene, folder: Path) -> list[dict[str, Any]]:
     roles: dict[str, list[str]] = {}
     for role, name in named_files(scene).items():
         roles.setdefault(name, []).append(role)
-    named = [(scene.file(name), held) for name, held in roles.items()]
-    return [own] + [{"roles": held, "path": relative(file, folder), **_content(file)} for file, held in named]
+    roles_of_files = [(scene.file(name), role) for name, role in roles.items()]
+    return [own] + [{"roles": role, "path": relative(file, folder), **_content(file)} for file, role in roles_of_files]
 
 
 def _content(path: Path) -> dict[str, Any]:

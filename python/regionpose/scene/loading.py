@@ -55,9 +55,9 @@ class Scene:
         return tuple(self._frame(index, frame) for index, frame in enumerate(self.model.frames))
 
     def _frame(self, index: int, frame: FrameItem) -> Scene:
-        held = {key: getattr(frame, key) for key in EXPOSURE_KEYS & frame.model_fields_set}
+        given = {key: getattr(frame, key) for key in EXPOSURE_KEYS & frame.model_fields_set}
         shared = {key: getattr(self.model, key) for key in self.model.model_fields_set - {"frames"}}
-        model = SceneModel.model_construct(**shared, **held)
+        model = SceneModel.model_construct(**shared, **given)
         return Scene(self.document, model, frame.name, ("frames", index), self.segmenter)
 
     def error(self, place: Place, message: str) -> SceneError:

@@ -22,7 +22,7 @@ from regionpose.progress import Progress, check_wanted
 from regionpose.scene.document import SceneError
 from regionpose.scene.folder import FolderOptions, Pair, scene_of_pairs
 from regionpose.scene.loading import Scene
-from regionpose.scene.looks import MOST_LOOKS, Looks, chosen_looks
+from regionpose.scene.photo_samples import MOST_SAMPLES, PhotoSampler, select_photos
 
 Whole = NDArray[np.int64]
 
@@ -52,7 +52,7 @@ class RecordedPair(NamedTuple):
         return f"{self.photo_ns / NANOSECONDS:.3f} s"
 
     @property
-    def apart(self) -> str:
+    def delay_text(self) -> str:
         """When the cloud was taken, as 12 ms later."""
         return f"cloud {abs(self.later_ns) / 1e6:.0f} ms {'later' if self.later_ns >= 0 else 'earlier'}"
 
@@ -76,23 +76,23 @@ class Topics:
 
 def topics_of(bag: Path, photos: str | None = None, clouds: str | None = None) -> Topics:
     """The topics of a recording that are given or the only ones of their kind; SceneError that lists them otherwise."""
-    held = summary(bag)
-    of_photos = _topic(bag, held, "photos", pictures.KINDS, photos)
-    of_clouds = _topic(bag, held, "clouds", ros.KINDS, clouds)
-    return Topics(of_photos, of_clouds, _calibration_topic(held, of_photos))
+    contents = summary(bag)
+    of_photos = _topic(bag, contents, "photos", pictures.KINDS, photos)
+    of_clouds = _topic(bag, contents, "clouds", ros.KINDS, clouds)
+    return Topics(of_photos, of_clouds, _calibration_topic(contents, of_photos))
 
 
-def _of_kinds(held: BagSummary, kinds: Sequence[str]) -> dict[str, str]:
+def _of_kinds(contents: BagSummary, kinds: Sequence[str]) -> dict[str, str]:
     """The types of topics with messages of some kinds, without their package."""
-    return {name: kind for name, kind, count in held.topics if count and kind.rpartition("/")[2] in kinds}
+    return {name: kind for name, kind, count in contents.topics if count and kind.rpartition("/")[2] in kinds}
 
 
-def _topic(bag: Path, held: BagSummary, of: str, kinds: Sequence[str], given: str | None) -> str:
+def _topic(bag: Path, contents: BagSummary, of: str, kinds: Sequence[str], given: str | None) -> str:
     """The topic `given` of photos or clouds, `of`, or the only one of these; SceneError otherwise."""
-    candidates = _of_kinds(held, kinds)
+    candidates = _of_kinds(contents, kinds)
     listed = ", ".join(f"{name} ({kind})" for name, kind in candidates.items())
     if not candidates:
-        all_topics = ", ".join(f"{name} ({kind})" for name, kind, _ in held.topics) or "nothing"
+        all_topics = ", ".join(f"{name} ({kind})" for name, kind, _ in contents.topics) or "nothing"
         raise SceneError(f"{bag}: found no topic of {of}, but {all_topics}; needed one of {' or '.join(kinds)}")
     if given is not None:
         named = f"/{given.lstrip('/')}"
@@ -104,14 +104,14 @@ def _topic(bag: Path, held: BagSummary, of: str, kinds: Sequence[str], given: st
     return next(iter(candidates))
 
 
-def _calibration_topic(held: BagSummary, photos: str) -> str | None:
+def _calibration_topic(contents: BagSummary, photos: str) -> str | None:
     """The calibration of the photos' innermost namespace that has one; else the only one, of a single camera."""
-    candidates = list(_of_kinds(held, camera_info.KINDS))
+    candidates = list(_of_kinds(contents, camera_info.KINDS))
     beside = [name for name in candidates if photos.startswith(name.rpartition("/")[0] + "/")]
     inside = [name for name in beside if name.count("/") > 1]
     if inside:
         return max(inside, key=len)
-    return candidates[0] if len(candidates) == 1 and len(_of_kinds(held, pictures.KINDS)) == 1 else None
+    return candidates[0] if len(candidates) == 1 and len(_of_kinds(contents, pictures.KINDS)) == 1 else None
 
 
 def wanted_times(text: str) -> list[Decimal]:
@@ -152,23 +152,23 @@ def pairs_spread(bag: Path, topics: Topics, count: int, progress: Progress | Non
 
     SceneError where no photo has a cloud within a second.
     """
-    timeline, looks = Timeline(), Looks(int(summary(bag).duration_s * NANOSECONDS) // MOST_LOOKS)
+    timeline, samples = Timeline(), PhotoSampler(int(summary(bag).duration_s * NANOSECONDS) // MOST_SAMPLES)
     for message in _messages(bag, topics, progress):
         is_photo = message.topic == topics.photos
-        if is_photo and looks.is_due(message.time_ns):
+        if is_photo and samples.is_due(message.time_ns):
             check_wanted()
             picture = message_picture(BagPlace(bag, topics.photos), message.read())
-            looks.add(len(timeline.photos.recorded), message.time_ns, picture)
+            samples.add(len(timeline.photos.recorded), message.time_ns, picture)
         timeline.add(message, is_photo=is_photo)
-    paired = [(look, timeline.pair(look.photo)) for look in looks.finished()]
-    near = [(look, pair) for look, pair in paired if pair is not None]
+    paired = [(sample, timeline.pair(sample.photo)) for sample in samples.finished()]
+    near = [(sample, pair) for sample, pair in paired if pair is not None]
     if not near:
         topic = f"{topics.photos} and {topics.clouds}"
         raise SceneError(f"{bag}: found no photo with a cloud within a second; needed {topic} of one time")
     # How far the rig moves between photo and cloud, and while a cloud is made, in levels of the photo.
     seconds = [abs(pair.later_ns) / NANOSECONDS + 0.5 * timeline.sweep_s for _, pair in near]
-    motion = np.array([look.change_rate for look, _ in near]) * seconds
-    return [near[index][1] for index in chosen_looks([look for look, _ in near], motion, count)]
+    motion = np.array([sample.change_rate for sample, _ in near]) * seconds
+    return [near[index][1] for index in select_photos([sample for sample, _ in near], motion, count)]
 
 
 def _messages(bag: Path, topics: Topics, progress: Progress | None) -> Iterator[RecordedMessage]:
@@ -206,7 +206,7 @@ class Timeline:
         times.stamps.append(message.stamp_ns)
 
     @cached_property
-    def taken(self) -> tuple[Whole, Whole]:
+    def capture_times_ns(self) -> tuple[Whole, Whole]:
         """When photos (n,) and clouds (m,) were taken: by their headers, if both have the recording's clock."""
         stamped = self.photos.are_stamped and self.clouds.are_stamped
         photos, clouds = (times.stamps if stamped else times.recorded for times in (self.photos, self.clouds))
@@ -215,7 +215,11 @@ class Timeline:
     @property
     def sweep_s(self) -> float:
         """The time from one cloud to the next, seconds; 0 of a single one."""
-        return float(np.median(np.diff(np.sort(self.taken[1])))) / NANOSECONDS if len(self.taken[1]) > 1 else 0.0
+        return (
+            float(np.median(np.diff(np.sort(self.capture_times_ns[1])))) / NANOSECONDS
+            if len(self.capture_times_ns[1]) > 1
+            else 0.0
+        )
 
     @property
     def span(self) -> str:
@@ -227,7 +231,7 @@ class Timeline:
 
     def pair(self, photo: int) -> RecordedPair | None:
         """A photo, by its place among all, and the cloud nearest to it; None where none is within a second."""
-        photos, clouds = self.taken
+        photos, clouds = self.capture_times_ns
         if not len(clouds):
             return None
         nearest = int(np.abs(clouds - photos[photo]).argmin())
@@ -255,13 +259,13 @@ def scene_of_recording(
     if options.camera is None:
         if topics.calibration is None:
             raise SceneError(f"{bag}: found no calibration (CameraInfo) beside {topics.photos}; needed camera")
-        held: dict[str, Any] = {"file": f"{bag}#{topics.calibration}"}
-        options = replace(options, camera={**held, "rectified": True} if topics.rectified else held)
+        contents: dict[str, Any] = {"file": f"{bag}#{topics.calibration}"}
+        options = replace(options, camera={**contents, "rectified": True} if topics.rectified else contents)
     frames = [
         Pair(pair.name, _at(bag, topics.photos, pair.photo_ns), _at(bag, topics.clouds, pair.cloud_ns), None, ())
         for pair in pairs
     ]
-    return scene_of_pairs(bag, frames, path, options, [f"{pair.name}: {pair.apart}" for pair in pairs])
+    return scene_of_pairs(bag, frames, path, options, [f"{pair.name}: {pair.delay_text}" for pair in pairs])
 
 
 def _at(bag: Path, topic: str, time_ns: int) -> Path:

@@ -155,8 +155,8 @@ def world_side(
 
     `progress` gets the fraction that is grown.
     """
-    return _remarked(
-        lambda: _sided(scene, place, item, _unremarked_side(scene, place, item, scan, progress), scan.origin)
+    return _with_remarks(
+        lambda: _with_viewpoint(scene, place, item, _unremarked_side(scene, place, item, scan, progress), scan.origin)
     )
 
 
@@ -182,7 +182,7 @@ def points_side(indices: Indices, scan: Scan) -> WorldSide:
     """
     assert scan.cloud is not None
     points = scan.cloud.local_points
-    return _remarked(lambda: _scanned(points, indices, WorldPoints.model_construct(points=[]), scan))
+    return _with_remarks(lambda: _scanned(points, indices, WorldPoints.model_construct(points=[]), scan))
 
 
 def _plane_side(indices: Indices, scan: Scan) -> list[WorldSide]:
@@ -194,7 +194,7 @@ def _plane_side(indices: Indices, scan: Scan) -> list[WorldSide]:
     return [] if side.region.is_line else [side]
 
 
-def _remarked(made: Callable[[], WorldSide]) -> WorldSide:
+def _with_remarks(made: Callable[[], WorldSide]) -> WorldSide:
     """The side that is made, with what its outline was warned of."""
     messages: list[str] = []
     with sparse_sampling_handler(messages.append):
@@ -202,7 +202,7 @@ def _remarked(made: Callable[[], WorldSide]) -> WorldSide:
     return replace(side, remarks=tuple(messages))
 
 
-def _sided(scene: Scene, place: Place, item: WorldItem, side: WorldSide, origin: Array) -> WorldSide:
+def _with_viewpoint(scene: Scene, place: Place, item: WorldItem, side: WorldSide, origin: Array) -> WorldSide:
     """The side whose region knows the viewpoint that the scene gives it, if any."""
     if item.viewpoint is None:
         return side
@@ -285,7 +285,7 @@ def _grown_plane(item: WorldSeed, scan: Scan, progress: Progress | None) -> Worl
     if item.intensity_tolerance is None:
         indices = grow(points)
     else:
-        alike = _alike(scan.cloud, seed, item.intensity_tolerance)
+        alike = _similar_in_intensity(scan.cloud, seed, item.intensity_tolerance)
         indices = alike[grow(points[alike])]
     return _scanned(points, indices, item, scan)
 
@@ -310,7 +310,7 @@ def _outlined(points: Array, item: WorldSeed | WorldPoints, scan: Scan, because:
     return WorldSide(region, outline_because=because)
 
 
-def _alike(cloud: Cloud, seed: Array, tolerance: float) -> Indices:
+def _similar_in_intensity(cloud: Cloud, seed: Array, tolerance: float) -> Indices:
     """Indices of the points whose intensity is within `tolerance` of the median around the seed."""
     if cloud.intensity is None:
         raise ValueError(

@@ -78,10 +78,10 @@ def cloud_bytes(scene: Scene) -> int:
 
 def scene_cloud(scene: Scene, *, progress: Progress | None = None) -> Cloud | None:
     """The scene's cloud, None when it names none; `progress` as of `read_cloud`."""
-    held = scene.cloud
-    if held is None:
+    cloud_file = scene.cloud
+    if cloud_file is None:
         return None
-    path, columns = scene.file(held.file), held.columns
+    path, columns = scene.file(cloud_file.file), cloud_file.columns
     return at_location(scene, ("cloud",), lambda: read_cloud(path, columns=columns, progress=progress))
 
 

@@ -179,14 +179,14 @@ def _full_grid(corners: Corners, cells: dict[Cell, int]) -> Array | None:
     """The largest rectangle (rows, columns, 2) of the grid that lacks no corner; None where all are small."""
     places = np.array(list(cells))
     low = places.min(axis=0)
-    held = np.full(places.max(axis=0) - low + 1, -1)
-    held[tuple((places - low).T)] = list(cells.values())
-    best = held[:0]
-    for top in range(len(held)):
-        for bottom in range(top + FEWEST, len(held) + 1):
-            left, right = _longest_run(np.asarray((held[top:bottom] >= 0).all(axis=0)))
+    numbers = np.full(places.max(axis=0) - low + 1, -1)
+    numbers[tuple((places - low).T)] = list(cells.values())
+    best = numbers[:0]
+    for top in range(len(numbers)):
+        for bottom in range(top + FEWEST, len(numbers) + 1):
+            left, right = _longest_run(np.asarray((numbers[top:bottom] >= 0).all(axis=0)))
             if right - left >= FEWEST and (bottom - top) * (right - left) > best.size:
-                best = held[top:bottom, left:right]
+                best = numbers[top:bottom, left:right]
     return np.asarray(corners.places[best]) if best.size else None
 
 

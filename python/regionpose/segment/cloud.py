@@ -60,7 +60,7 @@ def grow_plane(
     """
     cloud = checked_cloud(points)
     check_positive(angle_deg=angle_deg)
-    check_given(distance_m=distance_m, radius_m=radius_m, min_width_m=min_width_m)
+    check_optional_positive(distance_m=distance_m, radius_m=radius_m, min_width_m=min_width_m)
     start, patch = started_patch(cloud, seed, distance_m, radius_m)
     members = np.sort(grown(cloud, patch, start, angle_deg, progress).members)
     return members if min_width_m is None else members[without_narrow_parts(cloud[members], start, min_width_m)]
@@ -119,7 +119,7 @@ def check_positive(**values: float) -> None:
             raise ValueError(f"{name} is {value}; needed a positive number")
 
 
-def check_given(**values: float | None) -> None:
+def check_optional_positive(**values: float | None) -> None:
     """As `check_positive`, of those that are given."""
     check_positive(**{name: value for name, value in values.items() if value is not None})
 

@@ -84,9 +84,9 @@ def _without_holes(mask: Mask) -> Mask:
     """
     beyond = np.pad(mask, 1)
     for turned in (beyond, beyond[::-1], beyond.T, beyond.T[::-1]):
-        held = np.flatnonzero(turned[1, 1:-1])
-        if len(held) and 2 * len(held) > held[-1] - held[0]:
-            turned[0, 1 + held[0] : 2 + held[-1]] = True
+        columns = np.flatnonzero(turned[1, 1:-1])
+        if len(columns) and 2 * len(columns) > columns[-1] - columns[0]:
+            turned[0, 1 + columns[0] : 2 + columns[-1]] = True
     return np.asarray(ndimage.binary_fill_holes(beyond)[1:-1, 1:-1])
 
 
@@ -220,9 +220,9 @@ def _local_mean(
     for down in range(-LOCAL_REACH, LOCAL_REACH + 1):
         for right in range(-LOCAL_REACH, LOCAL_REACH + 1):
             row, column = np.clip(rows + down, 0, height - 1), np.clip(columns + right, 0, width - 1)
-            held = np.flatnonzero(chosen[row, column])
-            sums[held] += _linear(image[row[held], column[held]], linear_light)
-            counts[held] += 1
+            indices = np.flatnonzero(chosen[row, column])
+            sums[indices] += _linear(image[row[indices], column[indices]], linear_light)
+            counts[indices] += 1
     means: Floats = (sums / np.maximum(counts, 1)[:, None]).astype(np.float32)
     return means, counts
 

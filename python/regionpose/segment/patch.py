@@ -291,8 +291,8 @@ def _surroundings(filled: Indices, seed: Indices, side: int) -> Surroundings:
 
 def counts(cells: Indices, shape: tuple[int, ...], weights: Array | None = None) -> Array:
     """How many of the cells (n, 2) are each cell of a grid, or the sums of their weights."""
-    held = np.bincount(cells[:, 0] * shape[1] + cells[:, 1], weights=weights, minlength=shape[0] * shape[1])
-    return held.reshape(shape).astype(np.float64)
+    counted = np.bincount(cells[:, 0] * shape[1] + cells[:, 1], weights=weights, minlength=shape[0] * shape[1])
+    return counted.reshape(shape).astype(np.float64)
 
 
 def cells_along(local: Array, cells: Indices, shape: tuple[int, ...], angle_deg: float) -> Mask:

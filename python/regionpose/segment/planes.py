@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from regionpose.progress import Progress, part
-from regionpose.segment.cloud import check_given, check_positive, checked_cloud
+from regionpose.segment.cloud import check_optional_positive, check_positive, checked_cloud
 from regionpose.segment.patch import (
     ANGLE_DEG,
     LEAST_IN_BLOCK,
@@ -110,7 +110,7 @@ def find_planes(
     """
     cloud = checked_cloud(points)
     check_positive(angle_deg=angle_deg)
-    check_given(distance_m=distance_m, radius_m=radius_m)
+    check_optional_positive(distance_m=distance_m, radius_m=radius_m)
     if not isinstance(min_points, Integral) or min_points < 3:
         raise ValueError(f"min_points is {min_points}; needed a whole number of 3 or more")
     distinct, number = _distinct(cloud)

@@ -101,7 +101,7 @@ class Quads(NamedTuple):
         """How clearly those show (n,) that the photo's border cuts; 0 of the others."""
         return np.where(np.isnan(self.shares).any(axis=1), self.edge_shares, 0.0)
 
-    def taken(self, which: Indices) -> Quads:
+    def selected(self, which: Indices) -> Quads:
         """Some of them."""
         return Quads(self.corners[which], self.shares[which], self.grain[which])
 
@@ -123,7 +123,7 @@ def quads_around(image: NDArray[np.uint8], seed: tuple[float, float]) -> list[Ar
             if scores[index] > 0.0 and all(_overlap(quads.corners[index], other) < OTHER_OVERLAP for other in others):
                 chosen.append(index)
                 break
-    return [_refined(image, quads.taken(np.array([index]))) for index in chosen]
+    return [_refined(image, quads.selected(np.array([index]))) for index in chosen]
 
 
 def _window_quads(image: NDArray[np.uint8], seed: tuple[float, float], half: float) -> Quads:
@@ -135,7 +135,7 @@ def _window_quads(image: NDArray[np.uint8], seed: tuple[float, float], half: flo
     lines = lines.beside(*window.borders(image.shape))
     quads = _quads(lines, _opposite(lines, place), place, np.array(window.values.shape[1::-1]))
     best = np.argsort(-np.stack([quads.clear, quads.cut]), axis=1, kind="stable")[:, :MOST_OF_WINDOW]
-    kept = quads.taken(np.unique(best))
+    kept = quads.selected(np.unique(best))
     return Quads(window.outside(kept.corners), kept.shares, kept.grain * window.factor)
 
 
@@ -204,9 +204,11 @@ def _refined(image: NDArray[np.uint8], quad: Quads) -> Array:
     refined = corners - low
     for reach in reaches:
         ends = list(zip(refined, np.roll(refined, -1, axis=0), fixed, strict=True))
-        lines = [_line(start, end) if held else _refined_side(lab, start, end, reach) for start, end, held in ends]
-        held = Lines(np.array([n for n, _ in lines]), np.array([c for _, c in lines]), np.zeros((4, 2)))
-        refined = _corners(held, np.arange(4)[None])[0]
+        lines = [
+            _line(start, end) if is_fixed else _refined_side(lab, start, end, reach) for start, end, is_fixed in ends
+        ]
+        side_lines = Lines(np.array([n for n, _ in lines]), np.array([c for _, c in lines]), np.zeros((4, 2)))
+        refined = _corners(side_lines, np.arange(4)[None])[0]
     refined = refined + low
     return np.asarray(refined if _overlap(refined, corners) >= OTHER_OVERLAP else corners)
 

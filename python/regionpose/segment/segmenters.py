@@ -63,15 +63,15 @@ def load_segmenter(name: str) -> Segmenter:
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
     try:
-        held = getattr(importlib.import_module(module_name), attribute)
+        target = getattr(importlib.import_module(module_name), attribute)
     except (ImportError, AttributeError) as error:
         raise ValueError(f"segmenter: found no {name} ({error}); needed module:callable") from error
-    made = held() if isinstance(held, type) else held
-    if hasattr(made, "set_image") and hasattr(made, "predict"):
-        return PredictorSegmenter(made)
-    if not callable(made):
-        raise ValueError(f"segmenter: found {name} to be a {type(made).__name__}; needed something to call")
-    return cast(Segmenter, made)
+    instance = target() if isinstance(target, type) else target
+    if hasattr(instance, "set_image") and hasattr(instance, "predict"):
+        return PredictorSegmenter(instance)
+    if not callable(instance):
+        raise ValueError(f"segmenter: found {name} to be a {type(instance).__name__}; needed something to call")
+    return cast(Segmenter, instance)
 
 
 def segmented(

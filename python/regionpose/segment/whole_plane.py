@@ -113,17 +113,17 @@ def whole_plane(points: ArrayLike, seed: ArrayLike | int, *, progress: Progress 
 
 def _fitted(cloud: Array, patch: Patch) -> Patch:
     """The patch with the plane, the noise and the cell that all of its members ask for."""
-    held = cloud[np.sort(patch.members)]
-    used = held[:: max(1, len(held) // FIT_POINTS)]
+    member_points = cloud[np.sort(patch.members)]
+    used = member_points[:: max(1, len(member_points) // FIT_POINTS)]
     for _ in range(2):
         origin = used.mean(axis=0)
         axes = np.linalg.svd(used - origin, full_matrices=False)[2]
-        heights = (held - origin) @ axes[2]
+        heights = (member_points - origin) @ axes[2]
         sigma = MAD_TO_SIGMA * float(np.median(np.abs(heights)))
-        kept = held[np.abs(heights) <= DISTANCE_SIGMAS * sigma]
+        kept = member_points[np.abs(heights) <= DISTANCE_SIGMAS * sigma]
         used = kept[:: max(1, len(kept) // FIT_POINTS)] if len(kept) >= LEAST_PIECE else used
     axes[1] = np.cross(axes[2], axes[0])
-    gap = _spacing((held - origin) @ axes[:2].T)
+    gap = _spacing((member_points - origin) @ axes[:2].T)
     distance = max(DISTANCE_SIGMAS * sigma, LEAST_DISTANCE_SHARE * gap)
     return patch._replace(
         origin=origin, axes=axes, sigma=sigma, distance=distance, cell=max(gap, CELL_DISTANCES * distance)

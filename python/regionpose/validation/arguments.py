@@ -44,11 +44,11 @@ def checked_arguments(function: Callable[Given, Returned]) -> Callable[Given, Re
     return checked
 
 
-def check_fields(held: object) -> None:
+def check_fields(instance: object) -> None:
     """Pass an object whose fields are of the package's classes that their hints name; ValueError as of arguments."""
-    made: Callable[..., object] = type(held)
+    made: Callable[..., object] = type(instance)
     for parameter in _parameters(made):
-        _check(parameter, getattr(held, parameter.name))
+        _check(parameter, getattr(instance, parameter.name))
 
 
 def _check(parameter: Parameter, value: object) -> None:
@@ -92,9 +92,9 @@ def _parameters(function: Callable[..., object]) -> tuple[Parameter, ...]:
 
 def _hint(function: Callable[..., object], name: str) -> Any:
     """The hint of a parameter or field; None where it has none, or one that only type checkers know."""
-    held = SimpleNamespace(__annotations__={name: function.__annotations__.get(name)})
+    instance = SimpleNamespace(__annotations__={name: function.__annotations__.get(name)})
     try:
-        return typing.get_type_hints(held, globalns=vars(sys.modules[function.__module__]))[name]
+        return typing.get_type_hints(instance, globalns=vars(sys.modules[function.__module__]))[name]
     except NameError:
         return None
 

@@ -59,28 +59,28 @@ class Surface(NamedTuple):
     triangles: NDArray[Any] | None
 
 
-def surface_of(held: object) -> Surface | None:
+def surface_of(foreign: object) -> Surface | None:
     """The points, colors and triangles of a cloud or mesh of Open3D or trimesh; None for other objects."""
-    name = next((name for name in ("vertices", "points") if hasattr(held, name)), None)
+    name = next((name for name in ("vertices", "points") if hasattr(foreign, name)), None)
     if name is None:
         return None
-    points = np.asarray(getattr(held, name)).reshape(-1, 3)
-    triangles = _rows(held, "triangles", "faces")
-    return Surface(points, _vertex_colors(held, len(points)), triangles)
+    points = np.asarray(getattr(foreign, name)).reshape(-1, 3)
+    triangles = _rows(foreign, "triangles", "faces")
+    return Surface(points, _vertex_colors(foreign, len(points)), triangles)
 
 
-def _vertex_colors(held: object, count: int) -> NDArray[Any] | None:
+def _vertex_colors(foreign: object, count: int) -> NDArray[Any] | None:
     """Red, green and blue of each point, where the object has them."""
-    visual = getattr(held, "visual", None)
+    visual = getattr(foreign, "visual", None)
     if visual is not None:
         # trimesh makes some up where there are none.
         colors = _rows(visual, "vertex_colors") if getattr(visual, "defined", False) else None
     else:
-        colors = _rows(held, "vertex_colors", "colors")
+        colors = _rows(foreign, "vertex_colors", "colors")
     return None if colors is None or len(colors) != count else colors[:, :3]
 
 
-def _rows(held: object, *names: str) -> NDArray[Any] | None:
+def _rows(foreign: object, *names: str) -> NDArray[Any] | None:
     """The first of the attributes that holds rows of numbers."""
-    arrays = (np.asarray(getattr(held, name, None)) for name in names)
+    arrays = (np.asarray(getattr(foreign, name, None)) for name in names)
     return next((array for array in arrays if array.ndim == 2 and len(array)), None)

@@ -168,7 +168,7 @@ def test_what_was_assumed_is_on_the_page(drive: Path) -> None:
         assert "within 0.5 m" in html and "(assumed)" in html and "up to 3 deg" in html
         assert html.count("(assumed)") == 1
     session = session_of(drive, prior=prior, sensor_origin=None)
-    assert session.asks_for_scanner
+    assert session.lacks_scanner
     outcome = Outcome.of(session.estimate_edges(session.edge_values()), [])
     assert outcome_html(outcome).count("(assumed)") == 2, "the scanner's place, too"
 
@@ -326,7 +326,7 @@ def test_clouds_without_edges_are_named_as_such(drive: Path) -> None:
 
 def frames_of(drive: Path) -> Frames:
     frames = Frames.of_folder(drive, drive.parent / "cameras.txt")
-    frames.turned_to(0).base["prior"] = PRIOR
+    frames.session_at(0).base["prior"] = PRIOR
     return frames
 
 
@@ -334,14 +334,14 @@ def test_the_pose_by_edges_is_of_all_frames_and_stays_when_another_is_shown(
     drive: Path, worlds: list[World], searches: list[str]
 ) -> None:
     frames = frames_of(drive)
-    with opened(frames.turned_to(0)) as shared:
+    with opened(frames.session_at(0)) as shared:
         assert reaches_state(shared), shared.outcome
         run = shared.outcome.run
         assert run is not None and [sides.scene.name for sides in run.frames] == ["0001", "0002"]
         assert_right(run.estimate.pose, worlds[0].pose)
         assert holds(lambda: bool(shared.depth_files))
         first = shared.files["depth.jpg"].content
-        shared.turn_to(frames.turned_to(1))
+        shared.show_session(frames.session_at(1))
         assert shared.depth_files == [] and shared.outcome.state == "busy"
         assert reaches_state(shared)
         assert shared.outcome.run is run and searches == ["found"]
@@ -352,13 +352,13 @@ def test_the_pose_by_edges_is_of_all_frames_and_stays_when_another_is_shown(
     scene = load_scene(drive / "scene.yaml")
     assert [frame.name for frame in scene.frames] == ["0001", "0002"]
     np.testing.assert_array_equal(estimate_scene(scene).estimate.pose.matrix, run.estimate.pose.matrix)
-    again = Frames.of_scene(drive / "scene.yaml").turned_to(1)
+    again = Frames.of_scene(drive / "scene.yaml").session_at(1)
     assert again.searches_edges and not again.can_save
 
 
 def test_frames_with_a_pair_are_saved_without_the_others(drive: Path) -> None:
     frames = frames_of(drive)
-    with opened(frames.turned_to(1)) as shared:
+    with opened(frames.session_at(1)) as shared:
         pick_pair(shared)
         shared.save()
     assert [frame.name for frame in load_scene(drive / "scene.yaml").frames] == ["0002"]
@@ -373,7 +373,7 @@ def test_frames_far_from_zero_share_one_origin(drive: Path, worlds: list[World])
         intensity = np.concatenate([world.intensity, np.zeros(number * len(world.points))])
         write_ply(drive / f"000{number}.ply", Cloud.from_points(points + far, intensity=intensity), overwrite=True)
     frames = Frames.of_folder(drive, drive.parent / "cameras.txt")
-    session = frames.turned_to(0)
+    session = frames.session_at(0)
     truth = worlds[0].pose.rebase(-far)
     start = pose_of(45.0).rebase(-far)
     session.base["prior"] = {"initial": {"camera_from_world": {"matrix": start.matrix.tolist()}}, **SHARED}

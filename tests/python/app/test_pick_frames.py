@@ -35,7 +35,7 @@ def drive(tmp_path: Path) -> Path:
 
 def picked(frames: Frames, index: int) -> Session:
     """A frame with a pair."""
-    session = frames.turned_to(index)
+    session = frames.session_at(index)
     session.draw_polygon(SQUARES[index])
     session.click_cloud(CHALKBOARD[1])
     return session
@@ -58,7 +58,7 @@ def test_frames_are_saved_as_one_scene_and_read_again(drive: Path) -> None:
     assert all(scene.file(frame.image).is_file() for frame in scene.frames)
     again = Frames.of_folder(drive, None)
     assert again.names == ("0001", "0002", "0003")
-    read = again.turned_to(1)
+    read = again.session_at(1)
     assert not read.is_changed and len(read.pairs) == 1
     mine, theirs = (session.regions[0].world for session in (second, read))
     assert mine is not None and theirs is not None
@@ -89,14 +89,14 @@ def test_the_command_opens_folders_and_scenes_of_frames(drive: Path) -> None:
 
 def test_a_desk_turns_to_another_frame(drive: Path) -> None:
     frames = Frames.of_folder(drive, drive.parent / "camera.yaml")
-    shared = SharedSession(frames.turned_to(0))
+    shared = SharedSession(frames.session_at(0))
     try:
         shared.edit(lambda session: session.draw_polygon(SQUARES[0]))
         revision = shared.revision
-        shared.turn_to(frames.turned_to(1))
-        assert shared.session is frames.turned_to(1) and shared.revision > revision
+        shared.show_session(frames.session_at(1))
+        assert shared.session is frames.session_at(1) and shared.revision > revision
         assert shared.photo_shapes() == [] and shared.outcome.state == "busy" and shared.outcome.searches_edges
-        shared.turn_to(frames.turned_to(0))
+        shared.show_session(frames.session_at(0))
         assert len(shared.photo_shapes()) == 1
     finally:
         shared.close()

@@ -325,17 +325,17 @@ def unasked(tmp_path: Path) -> Session:
 
 
 def test_the_scanner_s_place_is_asked_for_saved_and_read_back(unasked: Session) -> None:
-    assert unasked.asks_for_scanner and unasked.scanner is None
+    assert unasked.lacks_scanner and unasked.scanner is None
     unasked.set_scanner([0.0, 0.0, 0.0])
-    assert not unasked.asks_for_scanner and unasked.is_changed
+    assert not unasked.lacks_scanner and unasked.is_changed
     clicked(unasked).save()
     assert "sensor_origin: [0.0, 0.0, 0.0]" in unasked.path.read_text(encoding="utf-8")
     again = Session.open(unasked.path)
-    assert not again.asks_for_scanner and again.scanner is not None and not again.scanner.any()
+    assert not again.lacks_scanner and again.scanner is not None and not again.scanner.any()
     again.set_scanner(None)
     again.save()
     merged = Session.open(unasked.path)
-    assert not merged.asks_for_scanner and merged.scanner is None
+    assert not merged.lacks_scanner and merged.scanner is None
 
 
 def test_regions_follow_the_scanner_s_place_and_undo_takes_it_back(session: Session) -> None:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import regionpose.scene
 import waiting
 from commands import run
 from regionpose.cli import main
@@ -29,7 +28,7 @@ def refuse_work(monkeypatch: pytest.MonkeyPatch) -> None:
     def begun(*_: object) -> None:
         raise AssertionError("the work began before the refusal")
 
-    monkeypatch.setattr(regionpose.scene, "estimate_scene", begun)
+    monkeypatch.setattr("regionpose.scene.estimate.estimate_scene", begun)
 
 
 def test_nothing_is_overwritten_without_force(

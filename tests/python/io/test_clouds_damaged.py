@@ -153,7 +153,7 @@ DAMAGED: list[tuple[str, bytes, str]] = [
     ("garbage.bin", GARBAGE, "columns: found 1024 numbers, in which no rows of 3 to 7 stand out"),
     ("garbage.pcd.bin", GARBAGE[:4000], "coordinates: found|none with finite"),
     ("size.bin", bytes(30), "size: found 30 bytes; needed a multiple of 4"),
-    ("few.bin", bytes(32), "columns: found 8 numbers, .* rows of 4, 8 would fit; needed the columns by name"),
+    ("few.bin", bytes(32), "columns: found 8 numbers, .* rows of 4, 8 would fit; needed the names of the columns"),
     ("size.pcd.bin", bytes(32), "size: found 32 bytes; needed a multiple of 20"),
     # Text
     ("garbage.xyz", GARBAGE, "line 1: found"),

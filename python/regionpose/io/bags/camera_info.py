@@ -28,12 +28,12 @@ def camera_info_text(place: BagPlace) -> str:
 def _values(message: Any) -> dict[str, Any]:
     """The fields of a message, whose matrices ROS 1 writes in capital letters."""
     matrices = {name: getattr(message, name, None) for name in "dkrp"}
-    held = {name: getattr(message, name.upper()) if value is None else value for name, value in matrices.items()}
+    fields = {name: getattr(message, name.upper()) if value is None else value for name, value in matrices.items()}
     values: dict[str, Any] = {
         "height": int(message.height),
         "width": int(message.width),
         "distortion_model": str(message.distortion_model),
-        **{name: np.asarray(value, dtype=np.float64).tolist() for name, value in held.items()},
+        **{name: np.asarray(value, dtype=np.float64).tolist() for name, value in fields.items()},
         "binning_x": int(message.binning_x),
         "binning_y": int(message.binning_y),
     }

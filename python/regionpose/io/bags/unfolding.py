@@ -26,7 +26,7 @@ class Budget(NamedTuple):
 
     bag: Path
     most: int
-    held: int
+    largest_bytes: int
 
 
 BUDGET: ContextVar[Budget | None] = ContextVar("BUDGET", default=None)
@@ -41,8 +41,8 @@ def bounded(bag: Path) -> Iterator[None]:
     for path in held_paths:
         check_regular(path)
     files = [path for path in held_paths if path.is_file()]
-    held = max((file.stat().st_size for file in files), default=0)
-    token = BUDGET.set(Budget(bag, max(map(most_bytes, files), default=0), held))
+    largest_bytes = max((file.stat().st_size for file in files), default=0)
+    token = BUDGET.set(Budget(bag, max(map(most_bytes, files), default=0), largest_bytes))
     try:
         yield
     finally:
@@ -61,13 +61,13 @@ def _install() -> None:
     except AttributeError as error:
         message = f'found another version of rosbags ({error}); needed pip install "regionpose[ros]"'
         raise MissingExtraError(message, name="rosbags") from error
-    for held, name, opener in (
+    for registry, name, opener in (
         (of_chunks, "bz2", bz2.open),
         (of_chunks, "lz4", lz4.open),
         (of_mcap, "lz4", lz4.open),
         (of_mcap, "zstd", zstd.open),
     ):
-        held[name] = _within_budget(opener, held[name])
+        registry[name] = _within_budget(opener, registry[name])
     sqlite.apsw = SimpleNamespace(**vars(apsw) | {"Connection": _of_stored_values(apsw)})
     # Messages that are compressed one by one.
     ros2.zstd = SimpleNamespace(open=zstd.open, decompress=_within_budget(zstd.open, zstd.decompress))
@@ -81,7 +81,7 @@ def _of_stored_values(apsw: Any) -> type:
             super().__init__(*given, **named)
             budget = BUDGET.get()
             if budget is not None:
-                self.limit(apsw.SQLITE_LIMIT_LENGTH, min(max(budget.held, LEAST_LENGTH), 2**31 - 1))
+                self.limit(apsw.SQLITE_LIMIT_LENGTH, min(max(budget.largest_bytes, LEAST_LENGTH), 2**31 - 1))
 
     return Connection
 

@@ -67,7 +67,7 @@ def image_pose(source: CalibrationText, name: str | None) -> Pose:
         # Every other line holds the points of the image before it.
         if IMAGE_LINE.match(" ".join(words)) and not words[9].replace(".", "").isdecimal():
             images[" ".join(words[9:])] = (line, words[1:8])
-    held = chosen(source.path, images, () if name is None else (name,), "images")
-    line, words = held
+    entry = chosen(source.path, images, () if name is None else (name,), "images")
+    line, words = entry
     w, x, y, z, *shift = source.numbers("pose", words, 7, line)
     return pose_of_quaternion(source.path, "pose", np.array([x, y, z, w]), np.array(shift))

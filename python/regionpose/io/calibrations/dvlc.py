@@ -15,8 +15,8 @@ def describes(document: YamlMapping) -> bool:
     camera = document.get("camera")
     if camera is None or not camera.is_mapping:
         return False
-    held = camera.mapping()
-    return "camera_model" in held and "intrinsics" in held and "distortion_model" not in held
+    parameters = camera.mapping()
+    return "camera_model" in parameters and "intrinsics" in parameters and "distortion_model" not in parameters
 
 
 def read_camera(document: YamlMapping, name: str | None) -> Camera:
@@ -24,8 +24,8 @@ def read_camera(document: YamlMapping, name: str | None) -> Camera:
     return document.source.camera({"camera": partial(_camera, document.need("camera").mapping())}, name)
 
 
-def _camera(held: YamlMapping) -> Camera:
-    model, intrinsics = held.need("camera_model"), held.need("intrinsics")
+def _camera(parameters: YamlMapping) -> Camera:
+    model, intrinsics = parameters.need("camera_model"), parameters.need("intrinsics")
     if model.text() == "equirectangular":
         width, height = intrinsics.counted(2)
         if not (width.is_integer() and height.is_integer()):
@@ -34,7 +34,7 @@ def _camera(held: YamlMapping) -> Camera:
     if model.text() not in MODELS:
         raise model.error(repr(model.text()), f"one of {', '.join(MODELS)}")
     fx, fy, cx, cy, *xi = intrinsics.counted(5 if model.text() == "omnidir" else 4)
-    coefficients = held.need("distortion_coeffs")
+    coefficients = parameters.need("distortion_coeffs")
     if model.text() == "atan":
         (omega,) = coefficients.counted(1)
         return FovCamera(fx, fy, cx, cy, omega=omega) if omega else PinholeCamera(fx, fy, cx, cy)

@@ -19,19 +19,19 @@ Edges = dict[tuple[str, str], Pose]
 """Poses that take points of the second frame, the child, to the first, its parent."""
 
 
-def transforms_of(held: Any) -> list[dict[str, Any]]:
+def transforms_of(value: Any) -> list[dict[str, Any]]:
     """The transforms of a message: its list `transforms`, or the message of one; none where it is something else."""
-    items = held.get("transforms") if isinstance(held, dict) else None
-    items = items if isinstance(items, list) else [held]
+    items = value.get("transforms") if isinstance(value, dict) else None
+    items = items if isinstance(items, list) else [value]
     keys = {"header", "child_frame_id", "transform"}
     found = [one for one in items if isinstance(one, dict) and keys <= one.keys() and isinstance(one["header"], dict)]
     return found if len(found) == len(items) else []
 
 
-def tf_pose(path: Path, held: Any, names: Names) -> Read:
+def tf_pose(path: Path, value: Any, names: Names) -> Read:
     """The optical frame's pose in the lidar's frame; ValueError where the frames' names don't identify both."""
     edges: Edges = {}
-    for one in transforms_of(held):
+    for one in transforms_of(value):
         parent, child = _frame(path, one["header"].get("frame_id")), _frame(path, one["child_frame_id"])
         edges[parent, child] = _pose(path, one["transform"])
     frames = list(dict.fromkeys(frame for pair in edges for frame in pair))

@@ -135,19 +135,19 @@ def _kind_and_reader(source: CalibrationText) -> tuple[str, Callable[[str | None
 
 
 def _first(
-    kinds: tuple[Kind[Held], ...], held: Held, source: CalibrationText | None = None
+    kinds: tuple[Kind[Held], ...], content: Held, source: CalibrationText | None = None
 ) -> tuple[str, Callable[[str | None], Camera]] | None:
     """The first kind that describes what is held."""
-    kind = next((kind for kind in kinds if kind.describes(held)), None)
+    kind = next((kind for kind in kinds if kind.describes(content)), None)
     if kind is None:
         return None
     found = kind
 
     def read(name: str | None) -> Camera:
-        text = held if isinstance(held, CalibrationText) else source
+        text = content if isinstance(content, CalibrationText) else source
         if text is not None and text.rectified and not found.rectifies:
             raise text.error("rectified", f"a file of the kind {found.label}", "a ROS camera_info with P, or KITTI's P")
-        return found.read_camera(held, name)
+        return found.read_camera(content, name)
 
     return found.label, read
 
@@ -174,5 +174,5 @@ def _yaml_kind(source: CalibrationText) -> tuple[str, Callable[[str | None], Cam
     if kind is not None:
         return kind
     refuse_broken_json(source)
-    found = f"text that starts with {source.text.strip()[:40]!r}" if document is None else document.held
+    found = f"text that starts with {source.text.strip()[:40]!r}" if document is None else document.contents
     raise CalibrationError(f"{source.path}: found {found}; needed {NEEDED}")

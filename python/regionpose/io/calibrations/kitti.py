@@ -33,8 +33,8 @@ def describes(source: CalibrationText) -> bool:
 
 def describes_lidar(source: CalibrationText) -> bool:
     """Whether there are lines R: and T: of a sensor's place, as in calib_velo_to_cam.txt."""
-    held = {text.partition(":")[0].strip(): len(text.partition(":")[2].split()) for text in source.lines}
-    return held.get("R") == 9 and held.get("T") == 3
+    lidar = {text.partition(":")[0].strip(): len(text.partition(":")[2].split()) for text in source.lines}
+    return lidar.get("R") == 9 and lidar.get("T") == 3
 
 
 def read_camera(source: CalibrationText, name: str | None) -> Camera:
@@ -87,10 +87,13 @@ def _raw_lidar_pose(source: CalibrationText, name: str | None, cameras: str | Pa
         needed = f"{beside}: the lidar's place is that of camera 00, which is turned by R_rect_00 of that file"
         raise source.error(CAMERAS_FILE, "no such file", needed)
     companion = CalibrationText.read(beside)
-    held, entries = _entries(source), _entries(companion)
+    lidar, entries = _entries(source), _entries(companion)
     names = _cameras(companion, entries)
     chosen = companion.choice(names, name, _default(names))
-    rotation, translation = _matrix(source, held, "R", (3, 3)), _matrix(source, held, "T", (3, 1))[:, 0]
+    rotation, translation = (
+        _matrix(source, lidar, "R", (3, 3)),
+        _matrix(source, lidar, "T", (3, 1))[:, 0],
+    )
     raw = RAW.fullmatch(chosen)
     turn = _matrix(companion, entries, "R_rect_00" if raw is None else f"R_{raw[1]}", (3, 3))
     offset = (

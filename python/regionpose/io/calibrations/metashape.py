@@ -24,12 +24,12 @@ def read_camera(root: Element, name: str | None) -> Camera:
         return root.source.camera({"camera": partial(_camera, root, root)}, name)
     builders = {}
     for sensor in root.all("sensor"):
-        held = [one for one in sensor.children if one.tag == "calibration"]
+        elements = [one for one in sensor.children if one.tag == "calibration"]
         # The adjusted calibration is the result, the initial one where it began.
-        held.sort(key=lambda one: one.attributes.get("class") == "adjusted")
-        if held:
+        elements.sort(key=lambda one: one.attributes.get("class") == "adjusted")
+        if elements:
             builders[sensor.attributes.get("label", sensor.attributes.get("id", "camera"))] = partial(
-                _camera, held[-1], sensor
+                _camera, elements[-1], sensor
             )
     return root.source.camera(builders, name)
 

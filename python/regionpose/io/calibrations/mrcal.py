@@ -27,14 +27,14 @@ def read_camera(source: CalibrationText, name: str | None) -> Camera:
 
 
 def _camera(source: CalibrationText) -> Camera:
-    held = _literal(source)
-    model = str(held.get("lensmodel"))
+    literal = _literal(source)
+    model = str(literal.get("lensmodel"))
     count = COUNTS.get(model.removeprefix(PREFIX))
     if count is None:
         supported = ", ".join(PREFIX + one for one in COUNTS)
         raise source.error("lensmodel", model, f"one of {supported} (mrcal-convert-lensmodel makes one)")
-    fx, fy, cx, cy, *coefficients = _numbers(source, held, "intrinsics", 4 + count)
-    width, height = _numbers(source, held, "imagersize", 2)
+    fx, fy, cx, cy, *coefficients = _numbers(source, literal, "intrinsics", 4 + count)
+    width, height = _numbers(source, literal, "imagersize", 2)
     return PinholeCamera(fx, fy, cx, cy, distortion=tuple(coefficients), width=int(width), height=int(height))
 
 
@@ -68,8 +68,8 @@ def _value(source: CalibrationText, node: ast.expr) -> object:
     raise source.error("cameramodel", type(node).__name__, "numbers, texts, lists and mappings", node.lineno)
 
 
-def _numbers(source: CalibrationText, held: dict[object, object], key: str, count: int) -> list[float]:
-    values = held.get(key)
+def _numbers(source: CalibrationText, literal: dict[object, object], key: str, count: int) -> list[float]:
+    values = literal.get(key)
     if not isinstance(values, Sequence) or isinstance(values, str):
         raise source.error(key, repr(values), f"a list of {count} numbers")
     return source.numbers(key, [str(value) for value in values], count, None)

@@ -37,7 +37,7 @@ def describes(document: YamlMapping) -> bool:
 
 def read_camera(document: YamlMapping, name: str | None) -> Camera:
     """The camera called `name`: what stands before its keys (`Camera1`), or the mapping that holds it."""
-    builders = {key: partial(_camera, held, prefix) for key, (held, prefix) in _cameras(document).items()}
+    builders = {key: partial(_camera, section, prefix) for key, (section, prefix) in _cameras(document).items()}
     return document.source.camera(builders, name)
 
 
@@ -55,12 +55,12 @@ def read_vins(document: YamlMapping, name: str | None) -> Camera:
 def _cameras(document: YamlMapping) -> dict[str, tuple[YamlMapping, str]]:
     """Cameras by name: the mapping of each, and what stands before its keys."""
     found: dict[str, tuple[YamlMapping, str]] = {}
-    for held in _mappings(document, MOST_LEVELS):
-        for key in held.items:
+    for section in _mappings(document, MOST_LEVELS):
+        for key in section.items:
             match = FOCAL.fullmatch(key)
-            if match is not None and all(f"{match[1]}{other}" in held for other in ("fy", "cx", "cy")):
-                label = match[1].rstrip("._") or held.name or "camera"
-                found.setdefault(label, (held, match[1]))
+            if match is not None and all(f"{match[1]}{other}" in section for other in ("fy", "cx", "cy")):
+                label = match[1].rstrip("._") or section.name or "camera"
+                found.setdefault(label, (section, match[1]))
     return found
 
 
@@ -71,20 +71,20 @@ def _mappings(document: YamlMapping, levels: int) -> Iterator[YamlMapping]:
             yield from _mappings(item.mapping(), levels - 1)
 
 
-def _camera(held: YamlMapping, prefix: str) -> Camera:
-    fx, fy, cx, cy = (held.need(f"{prefix}{key}").number() for key in ("fx", "fy", "cx", "cy"))
+def _camera(section: YamlMapping, prefix: str) -> Camera:
+    fx, fy, cx, cy = (section.need(f"{prefix}{key}").number() for key in ("fx", "fy", "cx", "cy"))
     coefficients = {
         key.removeprefix(prefix): item.number()
-        for key, item in held.items.items()
+        for key, item in section.items.items()
         if key.startswith(prefix) and COEFFICIENT.fullmatch(key.removeprefix(prefix))
     }
-    word = held.get(*MODEL_KEYS)
-    size = held.size(
+    word = section.get(*MODEL_KEYS)
+    size = section.size(
         (f"{prefix}width", "Camera.width", "width", "image_width"),
         (f"{prefix}height", "Camera.height", "height", "image_height"),
     )
-    lens = NamedLens(held.need(f"{prefix}fx"), (fx, fy, cx, cy), coefficients, size, word.text() if word else None)
-    numbered = [held.items[key].number() for key in (f"{prefix}d{index}" for index in range(5)) if key in held]
+    lens = NamedLens(section.need(f"{prefix}fx"), (fx, fy, cx, cy), coefficients, size, word.text() if word else None)
+    numbered = [section.items[key].number() for key in (f"{prefix}d{index}" for index in range(5)) if key in section]
     return _with_numbered(lens, numbered).camera() if numbered else lens.camera()
 
 
@@ -123,5 +123,5 @@ def _vins(document: YamlMapping) -> Camera:
     return NamedLens(model, (fx, fy, cx, cy), values, size, "pinhole").camera()
 
 
-def _numbers(held: YamlMapping) -> dict[str, float]:
-    return {key: item.number() for key, item in held.items.items()}
+def _numbers(section: YamlMapping) -> dict[str, float]:
+    return {key: item.number() for key, item in section.items.items()}

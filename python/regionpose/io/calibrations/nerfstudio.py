@@ -32,20 +32,20 @@ def _frames(frames: YamlItem) -> list[YamlMapping]:
     return [one.mapping() for one in frames.entries() if one.is_mapping]
 
 
-def _camera(held: YamlMapping, document: YamlMapping) -> Camera:
+def _camera(mapping: YamlMapping, document: YamlMapping) -> Camera:
     """A camera whose center counts from the first pixel's corner."""
-    word = held.get("camera_model") or document.get("camera_model")
-    width, height = held.size(("w",), ("h",))
+    word = mapping.get("camera_model") or document.get("camera_model")
+    width, height = mapping.size(("w",), ("h",))
     if word is not None and word.text() == "EQUIRECTANGULAR":
-        return EquirectangularCamera(width=held.need("w").whole_number(), height=held.need("h").whole_number())
-    values = {key: item.number() for key in COEFFICIENTS if (item := held.get(key)) is not None}
-    item = held.need("fl_x", "camera_angle_x")
+        return EquirectangularCamera(width=mapping.need("w").whole_number(), height=mapping.need("h").whole_number())
+    values = {key: item.number() for key in COEFFICIENTS if (item := mapping.get(key)) is not None}
+    item = mapping.need("fl_x", "camera_angle_x")
     if item.name.endswith("camera_angle_x"):
-        fx = 0.5 * held.need("w").number() / math.tan(0.5 * item.number())
-        fy, cx, cy = fx, 0.5 * held.need("w").number(), 0.5 * held.need("h").number()
+        fx = 0.5 * mapping.need("w").number() / math.tan(0.5 * item.number())
+        fy, cx, cy = fx, 0.5 * mapping.need("w").number(), 0.5 * mapping.need("h").number()
     else:
-        fx, cx, cy = (held.need(key).number() for key in ("fl_x", "cx", "cy"))
-        fy = held.need("fl_y", "fl_x").number()
+        fx, cx, cy = (mapping.need(key).number() for key in ("fl_x", "cx", "cy"))
+        fy = mapping.need("fl_y", "fl_x").number()
     lens = (fx, fy, cx - CORNER_TO_CENTER, cy - CORNER_TO_CENTER)
     if word is None or "FISHEYE" not in word.text():
         if values.pop("k4", 0.0):

@@ -15,11 +15,11 @@ def describes(document: YamlMapping) -> bool:
 
 def read_camera(document: YamlMapping, name: str | None) -> Camera:
     """The camera of the file, called `camera`, whose matrix is written column by column."""
-    held = _intrinsic(document)
+    intrinsic = _intrinsic(document)
 
     def build() -> Camera:
-        matrix = np.reshape(held.need("intrinsic_matrix").counted(9), (3, 3)).T
-        width, height = held.size(("width",), ("height",))
+        matrix = np.reshape(intrinsic.need("intrinsic_matrix").counted(9), (3, 3)).T
+        width, height = intrinsic.size(("width",), ("height",))
         return PinholeCamera.from_matrix(matrix, width=width, height=height)
 
     return document.source.camera({"camera": build}, name)

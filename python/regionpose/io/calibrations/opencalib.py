@@ -40,7 +40,7 @@ def describes_json(document: YamlMapping) -> bool:
 
 def read_json(document: YamlMapping, name: str | None) -> Camera:
     """The camera of the sensor called `name`."""
-    builders = {key: partial(_json_camera, held) for key, held in _sensors(document).items()}
+    builders = {key: partial(_json_camera, sensor) for key, sensor in _sensors(document).items()}
     return document.source.camera(builders, name)
 
 
@@ -73,11 +73,11 @@ def _sensors(document: YamlMapping) -> dict[str, YamlMapping]:
     """The parameters of each camera by the sensor's name."""
     found = {}
     for key, item in document.items.items():
-        held = item.mapping() if item.is_mapping else None
-        param = None if held is None else held.get("param")
-        if held is None or param is None or not param.is_mapping or "cam_K" not in param.mapping():
+        sensor = item.mapping() if item.is_mapping else None
+        param = None if sensor is None else sensor.get("param")
+        if sensor is None or param is None or not param.is_mapping or "cam_K" not in param.mapping():
             continue
-        named = held.get("sensor_name")
+        named = sensor.get("sensor_name")
         found[named.text() if named else key] = param.mapping()
     return found
 
@@ -91,9 +91,9 @@ def json_pose(source: CalibrationText) -> tuple[str, str, YamlItem] | None:
     """Names of the sensors and the matrix of *-extrinsic.json, which takes the first's points to the second."""
     root = parsed(source)
     for item in root.mapping().items.values() if root is not None and root.is_mapping else ():
-        held = item.mapping() if item.is_mapping else None
-        param = None if held is None else held.get("param")
-        if held is not None and param is not None and param.is_mapping and "sensor_calib" in param.mapping():
-            first, second = held.need("sensor_name").text(), held.need("target_sensor_name").text()
+        sensor = item.mapping() if item.is_mapping else None
+        param = None if sensor is None else sensor.get("param")
+        if sensor is not None and param is not None and param.is_mapping and "sensor_calib" in param.mapping():
+            first, second = sensor.need("sensor_name").text(), sensor.need("target_sensor_name").text()
             return first, second, param.mapping().need("sensor_calib")
     return None

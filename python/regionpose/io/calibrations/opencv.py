@@ -32,8 +32,8 @@ def describes(document: YamlMapping) -> bool:
 
 def read_camera(document: YamlMapping, name: str | None) -> Camera:
     """The camera whose matrix is called `name`."""
-    held = _holder(document)
-    builders = {key: partial(_camera, held, key) for key in MATRIX_KEYS if key in held}
+    holder = _holder(document)
+    builders = {key: partial(_camera, holder, key) for key in MATRIX_KEYS if key in holder}
     return document.source.camera(builders, name)
 
 

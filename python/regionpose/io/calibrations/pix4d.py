@@ -45,10 +45,10 @@ def _blocks(source: CalibrationText) -> tuple[list[str], dict[str, Block]]:
     count = 1 + sum(ROWS[part] for part in parts)
     blocks: dict[str, Block] = {}
     for start in range(at, len(lines), count):
-        held = lines[start : start + count]
-        if len(held) < count:
-            raise source.error("last photo", f"{len(held)} lines", f"{count} lines", held[0][0])
-        blocks[" ".join(held[0][1].split()[:-2])] = (held[0][0], [text for _, text in held])
+        block = lines[start : start + count]
+        if len(block) < count:
+            raise source.error("last photo", f"{len(block)} lines", f"{count} lines", block[0][0])
+        blocks[" ".join(block[0][1].split()[:-2])] = (block[0][0], [text for _, text in block])
     if not blocks:
         raise source.error("photos", "none", "one or more", 1)
     return parts, blocks
@@ -57,14 +57,14 @@ def _blocks(source: CalibrationText) -> tuple[list[str], dict[str, Block]]:
 def _camera(source: CalibrationText, parts: list[str], block: Block) -> Camera:
     line, rows = block
     width, height = (source.whole_number("size", word, line) for word in rows[0].split()[-2:])
-    held, at = {}, 1
+    sections, at = {}, 1
     for part in parts:
         words = " ".join(rows[at : at + ROWS[part]]).split()
-        held[part] = (line + at, words)
+        sections[part] = (line + at, words)
         at += ROWS[part]
 
     def numbers(part: str, count: int) -> list[float]:
-        return source.numbers(part, held[part][1], count, held[part][0])
+        return source.numbers(part, sections[part][1], count, sections[part][0])
 
     k1, k2, k3 = numbers("radial distortion", 3)
     p1, p2 = numbers("tangential distortion", 2)

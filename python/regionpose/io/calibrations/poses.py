@@ -163,32 +163,32 @@ def _plain(node: Node) -> Any:
     return value(node)
 
 
-def _record(path: Path, held: Any, source: PoseSource) -> PoseFile:
+def _record(path: Path, value: Any, source: PoseSource) -> PoseFile:
     """The pose of a value of YAML or JSON: of the first kind that describes it."""
     for record in RECORDS:
-        found = _holder(record, held)
+        found = _holder(record, value)
         if found is not None:
             names = (source.image, source.camera_name)
             matrix, convention = record.read(path, found, tuple(name for name in names if name is not None))
             pose = matrix if isinstance(matrix, Pose) else pose_of_matrix(path, matrix, NEEDED)
             return PoseFile(pose, record.label, convention)
-    if is_unordered(held):
+    if is_unordered(value):
         raise ValueError(
             f"{path}: extrinsics.rotation: found four numbers of a quaternion, but not whether w is the first of them"
             " or the last; needed the matrix camera_from_lidar, 3 x 4, as text, or T_lidar_camera: [x, y, z, qx, qy,"
             " qz, qw]"
         )
-    raise ValueError(f"{path}: found {_described(held)}; needed {NEEDED}")
+    raise ValueError(f"{path}: found {_described(value)}; needed {NEEDED}")
 
 
-def _holder(record: PoseRecord, held: Any) -> Any:
+def _holder(record: PoseRecord, value: Any) -> Any:
     """The value itself, or what it holds right inside, that a kind describes; None where none does."""
-    inside = list(held.values()) if isinstance(held, dict) else []
-    return next((one for one in [held, *inside] if record.describes(one)), None)
+    inside = list(value.values()) if isinstance(value, dict) else []
+    return next((one for one in [value, *inside] if record.describes(one)), None)
 
 
-def _described(held: Any) -> str:
-    if isinstance(held, dict):
-        names = [str(name) for name in list(held)[:8]]
+def _described(value: Any) -> str:
+    if isinstance(value, dict):
+        names = [str(name) for name in list(value)[:8]]
         return f"no pose of a known kind, but the items {', '.join(names)}" if names else "nothing"
-    return f"no pose of a known kind, but a {type(held).__name__}"
+    return f"no pose of a known kind, but a {type(value).__name__}"

@@ -90,8 +90,8 @@ class _Window:
         roi = document.get("roi")
         offset = (0, 0)
         if roi is not None and roi.is_mapping:
-            held = roi.mapping()
-            x, y, width, height = (_whole(held.get(key)) for key in ("x_offset", "y_offset", "width", "height"))
+            window = roi.mapping()
+            x, y, width, height = (_whole(window.get(key)) for key in ("x_offset", "y_offset", "width", "height"))
             offset = (x, y)
             if width and height:
                 size = (width, height)

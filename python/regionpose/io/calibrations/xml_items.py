@@ -43,9 +43,9 @@ class Element:
 
     def number(self, tag: str, default: float | None = None) -> float:
         """The number in an element right inside; `default`, or CalibrationError, where there is none."""
-        held = self.child(tag)
-        if held is not None:
-            return self.source.number(tag, held.text.strip(), held.line)
+        child = self.child(tag)
+        if child is not None:
+            return self.source.number(tag, child.text.strip(), child.line)
         if default is None:
             raise self.source.error(self.tag, f"no {tag}", "its number", self.line)
         return default

@@ -148,11 +148,11 @@ class YamlMapping:
         """The first item there is of `names`; CalibrationError when there is none."""
         item = self.get(*names)
         if item is None:
-            raise self.source.error(self.name or "file", self.held, f"an item {' or '.join(names)}", self.line)
+            raise self.source.error(self.name or "file", self.contents, f"an item {' or '.join(names)}", self.line)
         return item
 
     @property
-    def held(self) -> str:
+    def contents(self) -> str:
         """What it holds, in words: the first names."""
         names = list(self.items)
         return f"the items {', '.join(names[:MOST_SHOWN])}{', ...' if len(names) > MOST_SHOWN else ''}"

@@ -54,8 +54,8 @@ def _check_accessors(path: Path) -> None:
     content = path.read_bytes()
     length = int.from_bytes(content[12:16], "little")
     try:
-        held = json_value(content[20 : 20 + length].decode("utf-8"))
-        counts = [int(accessor["count"]) for accessor in held.get("accessors", [])]
+        header = json_value(content[20 : 20 + length].decode("utf-8"))
+        counts = [int(accessor["count"]) for accessor in header.get("accessors", [])]
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
         return
     wrong = unfolding_error(path, ELEMENT_BYTES * sum(count for count in counts if count > 0))

@@ -81,7 +81,7 @@ def _opencv(view: ExportedView) -> Files:
     if isinstance(view.camera, PinholeCamera | FisheyeCamera):
         parts |= {"camera_matrix": _matrix(view.camera), "distortion_coefficients": _opencv_coefficients(view.camera)}
     note = "# x_camera = Rodrigues(rvec) x_world + tvec, meters; x right, y down, z forward\n"
-    return {"pose.yml": f"%YAML:1.0\n---\n{note}" + "".join(_opencv_matrix(name, held) for name, held in parts.items())}
+    return {"pose.yml": f"%YAML:1.0\n---\n{note}" + "".join(_opencv_matrix(*part) for part in parts.items())}
 
 
 def _opencv_matrix(name: str, values: Array) -> str:
@@ -91,8 +91,8 @@ def _opencv_matrix(name: str, values: Array) -> str:
 
 
 def _opencv_coefficients(camera: PinholeCamera | FisheyeCamera) -> Array:
-    held = camera.distortion or (0.0,) * 5
-    return np.array([held], dtype=np.float64)
+    coefficients = camera.distortion or (0.0,) * 5
+    return np.array([coefficients], dtype=np.float64)
 
 
 def _colmap(view: ExportedView) -> Files:
@@ -115,17 +115,17 @@ def _nerfstudio(view: ExportedView) -> Files:
     model = camera_to_colmap(camera)[0]
     assert isinstance(camera, PinholeCamera | FisheyeCamera)
     fx, fy, cx, cy = _corner_intrinsics(camera)
-    held = camera.distortion
+    coefficients = camera.distortion
     names = ("k1", "k2", "k3", "k4") if isinstance(camera, FisheyeCamera) else ("k1", "k2", "p1", "p2", "k3")
-    if any(held[len(names) :]):
-        raise ValueError(f"nerfstudio: found {len(held)} coefficients of distortion; needed at most {len(names)}")
+    if any(coefficients[len(names) :]):
+        raise ValueError(f"nerfstudio: found {len(coefficients)} distortion coefficients; needed at most {len(names)}")
     inverse = view.pose.inverse()
     placed = np.eye(4)
     placed[:3, :3], placed[:3, 3] = inverse.rotation.as_matrix() @ GRAPHICS_FROM_OPTICAL, inverse.translation
     values = {
         "camera_model": "OPENCV_FISHEYE" if model == "OPENCV_FISHEYE" else "OPENCV",
         **{"fl_x": fx, "fl_y": fy, "cx": cx, "cy": cy, "w": camera.width, "h": camera.height},
-        **dict(zip(names, held, strict=False)),
+        **dict(zip(names, coefficients, strict=False)),
         "frames": [{"file_path": image, "transform_matrix": placed.tolist()}],
     }
     return {"transforms.json": json.dumps(values, indent=2) + "\n"}
@@ -139,9 +139,9 @@ def _kalibr(view: ExportedView) -> Files:
     if isinstance(camera, OcamCamera) or not isinstance(camera, PinholeCamera | FisheyeCamera | UnifiedCamera):
         raise ValueError(f"Kalibr: found a {type(camera).__name__}; needed a pinhole, fisheye or unified camera")
     fisheye = isinstance(camera, FisheyeCamera)
-    held = list(camera.distortion or (0.0,) * 4)
-    if any(held[4:]):
-        raise ValueError(f"Kalibr: found {len(held)} coefficients of distortion; needed at most 4")
+    coefficients = list(camera.distortion or (0.0,) * 4)
+    if any(coefficients[4:]):
+        raise ValueError(f"Kalibr: found {len(coefficients)} distortion coefficients; needed at most 4")
     xi = [camera.xi] if isinstance(camera, UnifiedCamera) else []
     rows = "".join(f"  - [{', '.join(_number(value) for value in row)}]\n" for row in view.pose.matrix)
     text = (
@@ -149,7 +149,7 @@ def _kalibr(view: ExportedView) -> Files:
         f"cam0:\n  camera_model: {KALIBR_MODELS[type(camera)]}\n"
         f"  intrinsics: [{_row([*xi, camera.fx, camera.fy, camera.cx, camera.cy], ', ')}]\n"
         f"  distortion_model: {'equidistant' if fisheye else 'radtan'}\n"
-        f"  distortion_coeffs: [{_row(held[:4], ', ')}]\n"
+        f"  distortion_coeffs: [{_row(coefficients[:4], ', ')}]\n"
         f"  resolution: [{camera.width}, {camera.height}]\n  T_cam_imu:\n{rows}"
     )
     return {"camchain.yaml": text}

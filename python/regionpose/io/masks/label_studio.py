@@ -63,8 +63,8 @@ def label_studio_items(path: Path, content: list[Entry], image: str | int | None
 
 def _image_name(task: Entry) -> str:
     data = task.get("data", task)
-    held = data.values() if isinstance(data, dict) else ()
-    names = [PurePosixPath(value.partition("?")[0]).name for value in held if isinstance(value, str)]
+    fields = data.values() if isinstance(data, dict) else ()
+    names = [PurePosixPath(value.partition("?")[0]).name for value in fields if isinstance(value, str)]
     given = data.get("image") if isinstance(data, dict) else None
     return PurePosixPath(given.partition("?")[0]).name if isinstance(given, str) else next(iter(names), "")
 

@@ -59,12 +59,12 @@ def labelme_items(path: Path, content: dict[str, object]) -> Iterator[MaskItem]:
         if shape.label != HOLE:
             key = (index,) if shape.group is None else (shape.label, shape.group)
             regions.setdefault(key, []).append(shape)
-    held = list(regions.values())
-    cut: list[list[Drawn]] = [[] for _ in held]
+    parts_by_region = list(regions.values())
+    cut: list[list[Drawn]] = [[] for _ in parts_by_region]
     for hole in (shape for shape in shapes if shape.label == HOLE):
-        for place in _places_of(hole, held):
+        for place in _places_of(hole, parts_by_region):
             cut[place].append(Drawn(hole.points, is_hole=True))
-    for parts, holes in zip(held, cut, strict=True):
+    for parts, holes in zip(parts_by_region, cut, strict=True):
         yield _region(path, parts, holes, size)
 
 

@@ -164,6 +164,8 @@ def chosen_image(
         return 0
     matching = [place for place, one in enumerate(images) if image is not None and image in one]
     if len(matching) != 1:
-        held = ", ".join(f"{number} ({name})" for number, name in images[:8])
-        raise ValueError(f"{path} has {len(matching)} {what} {image!r}; needed the id or file name of one of: {held}")
+        choices = ", ".join(f"{number} ({name})" for number, name in images[:8])
+        raise ValueError(
+            f"{path} has {len(matching)} {what} {image!r}; needed the id or file name of one of: {choices}"
+        )
     return matching[0]

@@ -14,7 +14,7 @@ from regionpose import _core
 from regionpose.io.masks.coco import run_length_mask
 from regionpose.io.masks.mask_files import MasksOfFile, file_items
 from regionpose.io.masks.mask_items import MaskItem, polygon_rings, size_of
-from regionpose.io.masks.segmenter_outputs import held_masks
+from regionpose.io.masks.segmenter_outputs import output_masks
 from regionpose.io.reading import read_pixels
 from regionpose.regions.image import ImageRegion
 from regionpose.validation.arrays import sample_bits
@@ -168,13 +168,13 @@ def masks_from_segmenter(
     coverage : bool
         Return probabilities (float32), whose outline has sub-pixel places, instead of bool masks.
     """
-    given = _stacked(_arrays_of(held_masks(masks)))
-    held = kind or _guessed_kind(given)
-    if held not in ("mask", "probability", "logit"):
+    given = _stacked(_arrays_of(output_masks(masks)))
+    scale = kind or _guessed_kind(given)
+    if scale not in ("mask", "probability", "logit"):
         raise ValueError(f"kind is {kind!r}; needed 'mask', 'probability', 'logit' or None")
     with np.errstate(over="ignore"):
-        shares = 1.0 / (1.0 + np.exp(-given.astype(np.float32))) if held == "logit" else given.astype(np.float32)
-    shares = (given != 0).astype(np.float32) if held == "mask" else shares
+        shares = 1.0 / (1.0 + np.exp(-given.astype(np.float32))) if scale == "logit" else given.astype(np.float32)
+    shares = (given != 0).astype(np.float32) if scale == "mask" else shares
     if not (shares.min() >= 0.0 and shares.max() <= 1.0):
         raise ValueError(f"masks hold values from {given.min()} to {given.max()}; needed probabilities in [0, 1]")
     return [share if coverage else np.asarray(share > 0.5) for share in shares]
@@ -196,14 +196,14 @@ def _array_of(entry: object, item: str) -> NDArray[np.generic]:
         return _rows_of(entry, item)
     if "segmentation" not in entry:
         raise ValueError(f"{item} has no 'segmentation'; needed one in each, or arrays only")
-    held = entry["segmentation"]
-    if not isinstance(held, Mapping):
-        return _rows_of(held, item)
+    segmentation = entry["segmentation"]
+    if not isinstance(segmentation, Mapping):
+        return _rows_of(segmentation, item)
     try:
-        height, width = held.get("size", (None, None))
+        height, width = segmentation.get("size", (None, None))
     except (TypeError, ValueError) as error:
-        raise ValueError(f"{item} has the size {held['size']!r}; needed (h, w)") from error
-    return run_length_mask(held, size_of({"h": height, "w": width}, "h", "w", item), item)
+        raise ValueError(f"{item} has the size {segmentation['size']!r}; needed (h, w)") from error
+    return run_length_mask(segmentation, size_of({"h": height, "w": width}, "h", "w", item), item)
 
 
 def _rows_of(values: Any, item: str) -> NDArray[np.generic]:
@@ -236,8 +236,8 @@ def _chosen(path: Path, label: int | str | None, image: str | int | None) -> Mas
     items = file_items(path, image)
     matching = [item for item in items if label is None or label in (item.name, item.number)]
     if len(matching) != 1:
-        held = [item.name if item.number is None else f"{item.number} ({item.name!r})" for item in items]
-        listed = ", ".join(held[:MOST_SHOWN]) + (", ..." if len(held) > MOST_SHOWN else "")
+        names = [item.name if item.number is None else f"{item.number} ({item.name!r})" for item in items]
+        listed = ", ".join(names[:MOST_SHOWN]) + (", ..." if len(names) > MOST_SHOWN else "")
         found = f"{len(matching)} regions" + ("" if label is None else f" of the label {label!r}")
         raise ValueError(f"{path}: found {found}; needed the label of one of: {listed}")
     return matching[0]

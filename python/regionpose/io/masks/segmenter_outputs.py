@@ -11,7 +11,7 @@ from regionpose.io.masks.mask_items import Drawn, polygon_mask
 from regionpose.validation.foreign import as_array
 
 
-def held_masks(output: Any) -> Any:
+def output_masks(output: Any) -> Any:
     """What of a segmenter's output holds its masks: an array (n, h, w), or a sequence of masks.
 
     Results of ultralytics, detections of supervision, mappings of transformers, triples of Segment Anything; anything
@@ -21,7 +21,7 @@ def held_masks(output: Any) -> Any:
         return _of_mapping(output)
     if _is_list_of(output, "masks") and len(output) == 1:
         # ultralytics returns a list of one result an image.
-        return held_masks(output[0])
+        return output_masks(output[0])
     if hasattr(output, "masks") and not isinstance(output, np.ndarray):
         return _of_ultralytics(output.masks)
     if hasattr(output, "mask") and hasattr(output, "xyxy"):

@@ -10,9 +10,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from regionpose.io.outputs.hidden import Hidden
+from regionpose.io.outputs.hidden import HiddenFolder
 from regionpose.io.outputs.placing import Writer, place, write_new
-from regionpose.io.outputs.signals import held_signals
+from regionpose.io.outputs.signals import deferred_signals
 
 PAUSES_S = (0.01, 0.03, 0.1)
 """Longest waits before another look at runs that claim the same names: two that begin at once both step back, and take
@@ -71,28 +71,28 @@ def claimed(folder: Path, names: Sequence[str], *, force: bool) -> Iterator[Clai
     missing = [place for place in (folder, *folder.parents) if not place.exists()]
     hidden = None
     try:
-        with held_signals():
+        with deferred_signals():
             folder.mkdir(parents=True, exist_ok=True)
             hidden = _hidden(folder, names)
         refuse_existing(places, force)
         yield Claim(folder, hidden.path, force)
     except BaseException:
-        with held_signals():
+        with deferred_signals():
             if hidden is not None:
                 hidden.remove()
             _remove_empty(missing)
         raise
-    with held_signals():
+    with deferred_signals():
         hidden.remove()
 
 
-def _hidden(folder: Path, names: Sequence[str]) -> Hidden:
+def _hidden(folder: Path, names: Sequence[str]) -> HiddenFolder:
     """A hidden folder for these names, none of which another run claims.
 
     Each run writes its claims before it reads those of other runs, so that of two at least one sees the other.
     """
     for longest in (*PAUSES_S, None):
-        hidden = Hidden.made(folder, names)
+        hidden = HiddenFolder.create(folder, names)
         try:
             taken = [(name, other) for other in hidden.other_runs() for name in other.names if name in names]
             if not taken:

@@ -26,14 +26,14 @@ PLAINLY = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(
 """To open a file and nothing else: no link, and no pipe to wait at."""
 
 
-class Other(NamedTuple):
+class OtherRun(NamedTuple):
     """Another run that goes on: the names it claims, and the process and machine where these are given."""
 
     names: list[str]
     where: str
 
 
-class Hidden(NamedTuple):
+class HiddenFolder(NamedTuple):
     """A run's own hidden folder, and its open claim."""
 
     folder: Path
@@ -41,7 +41,7 @@ class Hidden(NamedTuple):
     claim: int
 
     @classmethod
-    def made(cls, folder: Path, names: Sequence[str]) -> Hidden:
+    def create(cls, folder: Path, names: Sequence[str]) -> HiddenFolder:
         """A new one in a folder, with a claim of these names."""
         while True:
             path = folder / f"{HIDDEN}{secrets.token_hex(6)}"
@@ -61,9 +61,9 @@ class Hidden(NamedTuple):
                 raise
             hidden.remove()
 
-    def other_runs(self) -> list[Other]:
+    def other_runs(self) -> list[OtherRun]:
         """The other runs that go on in the folder; what ended ones of this user left there is put back and removed."""
-        runs = [_looked_at(self.folder, path) for path in self.folder.glob(f"{HIDDEN}*") if path != self.path]
+        runs = [_inspected(self.folder, path) for path in self.folder.glob(f"{HIDDEN}*") if path != self.path]
         return [other for other in runs if other is not None]
 
     def remove(self) -> None:
@@ -77,7 +77,7 @@ class Hidden(NamedTuple):
             shutil.rmtree(self.path, ignore_errors=True)  # On Windows, which removes no open file.
 
 
-def _looked_at(folder: Path, path: Path) -> Other | None:
+def _inspected(folder: Path, path: Path) -> OtherRun | None:
     """The run of a hidden folder if it goes on; what it left is put back and removed if it is this user's."""
     if path.is_symlink() or not path.is_dir():
         return None
@@ -89,9 +89,9 @@ def _looked_at(folder: Path, path: Path) -> Other | None:
     except OSError:
         return None  # Another user's, without permission to read it.
     try:
-        held, claim_values = locked(claim), _read(claim)
-        if held is False or (held is None and not has_ended(claim_values)):
-            return _other(claim_values, path)
+        is_locked, claim_values = locked(claim), _read(claim)
+        if is_locked is False or (is_locked is None and not has_ended(claim_values)):
+            return _other_run(claim_values, path)
         if not (_is_at(claim, path / CLAIM) and _is_own(path)):
             return None
         put_back(folder, path)
@@ -102,10 +102,10 @@ def _looked_at(folder: Path, path: Path) -> Other | None:
     return None
 
 
-def _other(claim_values: dict[str, object], path: Path) -> Other:
+def _other_run(claim_values: dict[str, object], path: Path) -> OtherRun:
     names = claim_values.get("names")
     where = f"process {claim_values.get('process')} on {claim_values.get('machine')}, in {path.name}"
-    return Other([name for name in names if isinstance(name, str)] if isinstance(names, list) else [], where)
+    return OtherRun([name for name in names if isinstance(name, str)] if isinstance(names, list) else [], where)
 
 
 def _opened(claim: Path) -> int:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from regionpose.io.outputs.signals import held_signals
+from regionpose.io.outputs.signals import deferred_signals
 from regionpose.io.outputs.whole_file import keep_mode
 
 NEW, OLD, JOURNAL = "new", "old", "placing"
@@ -49,7 +49,7 @@ def place(folder: Path, hidden: Path, names: list[str]) -> None:
         with _renamed_errors(folder / names[0], hidden):
             os.replace(hidden / NEW / names[0], folder / names[0])
         return
-    with held_signals() as deliver:
+    with deferred_signals() as deliver:
         try:
             _begin(folder, hidden, names)
             for name in names:

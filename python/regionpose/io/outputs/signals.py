@@ -15,7 +15,7 @@ Deliver = Callable[[], None]
 
 
 @contextmanager
-def held_signals() -> Iterator[Deliver]:
+def deferred_signals() -> Iterator[Deliver]:
     """Signals that come in the block are handled at its end, or when it calls what it is given.
 
     Only those that have a handler in Python, and in the main thread, as no other one handles any.

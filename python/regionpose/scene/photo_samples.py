@@ -13,8 +13,8 @@ from regionpose.validation.arrays import Array
 
 Thumbnail = NDArray[np.float32]
 
-MOST_LOOKS = 120
-"""Photos that are looked at, evenly over a recording: many for each frame, and seconds to a minute of decoding."""
+MOST_SAMPLES = 120
+"""Photos that are sampled, evenly over a recording: many for each frame, and seconds to a minute of decoding."""
 
 THUMBNAIL_PX = 320
 """Width to which photos are averaged before they are compared: it takes noise away, and leaves a rig's motion."""
@@ -30,9 +30,9 @@ LEAST_CHANGE = 1e-6
 """Levels; far less than noise."""
 
 
-class Look(NamedTuple):
-    """A photo that was looked at: its place among all photos, how fast the next one differs from it (levels a second),
-    the share of its pixels that are edges, and by how many levels it differs from the photo looked at before.
+class PhotoSample(NamedTuple):
+    """A sampled photo: its place among all photos, how fast the next one differs from it (levels a second),
+    the share of its pixels that are edges, and by how many levels it differs from the sample before.
     """
 
     photo: int
@@ -41,8 +41,8 @@ class Look(NamedTuple):
     changed: float
 
 
-class _Open(NamedTuple):
-    """A photo whose next one has not been looked at yet."""
+class _Pending(NamedTuple):
+    """A sampled photo whose next one is still to come."""
 
     photo: int
     time_ns: int
@@ -50,60 +50,60 @@ class _Open(NamedTuple):
     changed: float
 
 
-class Looks:
-    """Looks at photos that are due, `period_ns` after one another, and at the next one of each."""
+class PhotoSampler:
+    """Samples of photos that are due, each `period_ns` after the last, compared with the photo after each."""
 
     def __init__(self, period_ns: int) -> None:
-        """Nothing is looked at yet."""
+        """Start without samples."""
         self._period_ns, self._due_ns = period_ns, 0
-        self._open: _Open | None = None
+        self._open: _Pending | None = None
         self._last: Thumbnail | None = None
-        self._found: list[Look] = []
+        self._found: list[PhotoSample] = []
 
     def is_due(self, time_ns: int) -> bool:
         """Whether a photo of this time is to be added."""
         return self._open is not None or time_ns >= self._due_ns
 
     def add(self, photo: int, time_ns: int, picture: NDArray[np.uint8]) -> None:
-        """Look at a photo (h, w, 3), the next one after the last that was due if that was the last to be added."""
+        """Add a photo (h, w, 3): the next one after a due photo if that was the last to be added."""
         thumbnail, before = _thumbnail(picture), self._open
         if before is not None:
             seconds = max(time_ns - before.time_ns, 1) / NANOSECONDS
             self._close(before, _difference(before.thumbnail, thumbnail) / seconds)
         if time_ns >= self._due_ns:
             changed = 0.0 if self._last is None else _difference(self._last, thumbnail)
-            self._open, self._last = _Open(photo, time_ns, thumbnail, changed), thumbnail
+            self._open, self._last = _Pending(photo, time_ns, thumbnail, changed), thumbnail
             self._due_ns = time_ns + self._period_ns
 
-    def finished(self) -> list[Look]:
-        """All looks; the last photo of a recording moves as the one before it."""
+    def finished(self) -> list[PhotoSample]:
+        """Return all samples; the last photo of a recording moves as the one before it."""
         if self._open is not None:
             self._close(self._open, self._found[-1].change_rate if self._found else 0.0)
         return list(self._found)
 
-    def _close(self, held: _Open, change_rate: float) -> None:
-        self._found.append(Look(held.photo, change_rate, _edge_share(held.thumbnail), held.changed))
+    def _close(self, pending: _Pending, change_rate: float) -> None:
+        self._found.append(PhotoSample(pending.photo, change_rate, _edge_share(pending.thumbnail), pending.changed))
         self._open = None
 
 
-def chosen_looks(looks: Sequence[Look], motion: Array, count: int) -> list[int]:
-    """Places of at most so many looks, one of each part in which as much changes as in any other.
+def select_photos(samples: Sequence[PhotoSample], motion: Array, count: int) -> list[int]:
+    """Return the places of at most `count` samples, one of each part with an equal share of all change.
 
-    Of a part's looks with little `motion` (n,) the one with the most edges. Parts of equal change, not of equal
+    Of a part's samples with little `motion` (n,) the one with the most edges. Parts of equal change, not of equal
     time: a rig that stands for long shows one place.
     """
-    count = min(count, len(looks))
+    count = min(count, len(samples))
     # More than nothing, so that photos that are all the same are parted evenly.
-    change = np.cumsum([look.changed + LEAST_CHANGE for look in looks])
+    change = np.cumsum([sample.changed + LEAST_CHANGE for sample in samples])
     parts = np.searchsorted(change, change[-1] * np.arange(1, count) / count, side="right")
-    # Each has a look at least.
+    # Each has at least one sample.
     steps = np.arange(1, count)
     parts = np.maximum.accumulate(np.maximum(parts - steps, 0)) + steps
-    parts = np.minimum(parts, len(looks) - count + steps)
+    parts = np.minimum(parts, len(samples) - count + steps)
     chosen = []
-    for part in np.split(np.arange(len(looks)), parts):
+    for part in np.split(np.arange(len(samples)), parts):
         still = part[motion[part] <= STILL_FACTOR * np.quantile(motion[part], STILL_SHARE, method="lower")]
-        chosen.append(int(max(still, key=lambda index: looks[index].edge_share)))
+        chosen.append(int(max(still, key=lambda index: samples[index].edge_share)))
     return chosen
 
 
