@@ -8,7 +8,7 @@ SEED := 0
 NOISE_FREE := --planes 1,3 --side 2d --noise 0 --masks binary,coverage --scenes 50 --no-plots --force
 SOURCES := $(shell find rust -name '*.rs' -o -name Cargo.toml | grep -v /target/) Cargo.toml pyproject.toml
 
-.PHONY: demo test lint fuzz soak docs bench packages clean
+.PHONY: demo test test-fast lint fuzz soak docs bench packages clean
 
 demo: $(STAMP)
 	$(BIN)/regionpose demo --out demo --force
@@ -16,6 +16,11 @@ demo: $(STAMP)
 test: $(STAMP)
 	cargo test --quiet
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+
+# What is run at each change: without the tests that are marked as slow.
+test-fast: $(STAMP)
+	cargo test --quiet
+	$(BIN)/python -m pytest -n 2 -m 'not slow'
 
 lint: $(STAMP)
 	cargo fmt --all --check
