@@ -102,7 +102,7 @@ class Camera(ABC):
         return self._scaled(width / self.width, height / self.height, size)
 
     def check_size(self, shape: Sequence[int], item: str = "image") -> None:
-        """Pass the shape of a photo's or mask's array, if it is as large as the photos that were calibrated.
+        """Check that a photo's or mask's array is as large as the photos that were calibrated.
 
         A camera without a size fits all.
 

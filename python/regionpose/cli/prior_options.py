@@ -70,7 +70,7 @@ class PriorOptions(NamedTuple):
         return cls(place or None, sigma, axis, _mounts(mounts), scanner)
 
     def check(self, cameras: Sequence[str]) -> None:
-        """Pass where mounts are those of cameras, or of the only one, without names; ValueError otherwise."""
+        """Check that mounts name given cameras, or none for a single camera; ValueError otherwise."""
         for name in self.mounts:
             if name is not None and name not in cameras:
                 needed = f"a mount of {', '.join(cameras)}" if cameras else "front, left, rear or right alone"

@@ -21,7 +21,7 @@ class Choice(NamedTuple):
     frames: int | None
 
     def check(self, path: Path, *, is_recording: bool) -> None:
-        """Pass options that are for what `path` is; ValueError that names one otherwise."""
+        """Check that the options apply to `path`; ValueError that names one that does not."""
         given = next((name for name, value in self._asdict().items() if value is not None), None)
         if given is not None and not is_recording:
             raise ValueError(f"--{given}: found it with {path}; needed a bag of ROS or an MCAP file")

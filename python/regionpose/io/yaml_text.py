@@ -150,7 +150,7 @@ def _parser() -> YAML:
 
 
 def _check(text: str, aliases: bool) -> None:
-    """Pass a text that may be composed: the parser goes on without recursion, libyaml's composer would run out of the
+    """Check that a text may be composed: the parser goes on without recursion, libyaml's composer would run out of the
     process's stack.
     """
     children: list[int] = []
@@ -164,7 +164,7 @@ def _check(text: str, aliases: bool) -> None:
 
 
 def _check_node(event: NodeEvent, children: list[int], aliases: bool) -> None:
-    """Pass one node inside the open collections; `children` counts keys and values of each, and goes on by one."""
+    """Check one node inside the open collections; `children` counts keys and values of each, and goes on by one."""
     if isinstance(event, AliasEvent) and not aliases:
         raise TextError("found an alias (*); needed the value itself", line_of(event))
     if isinstance(event, CollectionStartEvent) and len(children) == MOST_LEVELS:

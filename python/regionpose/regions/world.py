@@ -303,7 +303,7 @@ class WorldRegion:
 
     @property
     def is_line(self) -> bool:
-        """Whether one scan line is all that is known of it: its plane is any through that line."""
+        """Whether it is given by one scan line alone: its plane is any through that line."""
         return self.core.is_line
 
     @property

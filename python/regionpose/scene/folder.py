@@ -286,14 +286,14 @@ def _frame(pair: Pair, out: Path, options: FolderOptions, *, by_edges: bool) -> 
 
 
 def _check_photo(pair: Pair, document: Document) -> None:
-    """Pass where a pair's scene file names the pair's photo, or none; SceneError otherwise."""
+    """Check that a pair's scene file names the pair's photo, or none; SceneError otherwise."""
     named = pair.document_values.get("image")
     if named is not None and (document.path.parent / str(named)).resolve() != pair.photo.resolve():
         raise document.error(("image",), f"found {described(named)}; needed {pair.photo.name}, or no such key")
 
 
 def _check_cloud(pair: Pair, document: Document) -> None:
-    """Pass where a pair's scene file names the cloud that was given with the photo, or one of them names none;
+    """Check that a pair's scene file names the cloud that was given with the photo, or one of them names none;
     SceneError otherwise.
     """
     named = pair.document_values.get("cloud")

@@ -170,7 +170,7 @@ def check_photo_name(camera: Camera, name: str) -> tuple[PoseWarning, ...]:
 
 
 def check_unit(cloud: Cloud) -> tuple[PoseWarning, ...]:
-    """What the file of a cloud says against its coordinates being meters: `suspicious-unit`, with the factor to use."""
+    """`suspicious-unit` for a cloud whose file states a unit other than the meter, with the factor to use."""
     factor = cloud.unit_m
     if factor is None or abs(factor - 1.0) < SAME_UNIT:
         return ()

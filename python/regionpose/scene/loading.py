@@ -127,7 +127,7 @@ def _check_references(scene: Scene) -> None:
 
 
 def _check_frames(scene: Scene) -> None:
-    """Pass where there is one photo, or frames with names of their own; SceneError otherwise."""
+    """Check that there is one photo, or frames with distinct names; SceneError otherwise."""
     frames = scene.model.frames
     if not frames and scene.model.image is None:
         raise scene.error(("image",), "found nothing; needed this key, or frames with a photo each")
@@ -141,7 +141,7 @@ def _check_frames(scene: Scene) -> None:
 
 
 def _check_exposure(scene: Scene) -> None:
-    """Pass where each region of a photo and a cloud is one; SceneError otherwise."""
+    """Check the regions of a photo and a cloud; SceneError for an invalid one."""
     names: set[str] = set()
     for region in named_regions(scene):
         if region.name in names:

@@ -113,14 +113,14 @@ def checked_cloud(points: ArrayLike) -> Array:
 
 
 def check_positive(**values: float) -> None:
-    """Pass where each value is a positive and finite number; ValueError that names the others."""
+    """Check that each value is a positive and finite number; ValueError that names the others."""
     for name, value in values.items():
         if not (isinstance(value, Real) and np.isfinite(value) and value > 0.0):
             raise ValueError(f"{name} is {value}; needed a positive number")
 
 
 def check_optional_positive(**values: float | None) -> None:
-    """As `check_positive`, of those that are given."""
+    """As `check_positive`, for values that are not None."""
     check_positive(**{name: value for name, value in values.items() if value is not None})
 
 

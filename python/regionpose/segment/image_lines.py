@@ -54,8 +54,8 @@ class Edges(NamedTuple):
 class Lines(NamedTuple):
     """Lines of a window, and which of their pixels show an edge.
 
-    `normals` (n, 2), `offsets` (n,): points x of a line have normal @ x = offset. `shown` (n, 2 reach + 2): how many
-    pixels of the line show an edge before each place along it, from -reach on; nan of lines where none can show.
+    `normals` (n, 2), `offsets` (n,): points x of a line have normal @ x = offset. `edge_counts` (n, 2 reach + 2): how
+    many pixels of the line show an edge before each place along it, from -reach on; nan of lines where none can show.
     """
 
     normals: Array
@@ -155,7 +155,7 @@ def _votes(edges: Edges, reach: int) -> Array:
 
 
 def _edge_counts(edges: Edges, angles: Array, normals: Array, offsets: Array, reach: int) -> Array:
-    """`Lines.shown`."""
+    """The counts of `Lines.edge_counts`."""
     distance, (rows, columns) = ndimage.distance_transform_edt(~edges.there, return_indices=True)
     along = np.arange(-reach, reach + 1)
     x = offsets[:, None] * normals[:, :1] - along * normals[:, 1:]

@@ -102,7 +102,7 @@ class Quads(NamedTuple):
         return np.where(np.isnan(self.shares).any(axis=1), self.edge_shares, 0.0)
 
     def selected(self, which: Indices) -> Quads:
-        """Some of them."""
+        """The quadrilaterals at some indices."""
         return Quads(self.corners[which], self.shares[which], self.grain[which])
 
 

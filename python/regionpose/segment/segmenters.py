@@ -24,7 +24,7 @@ class Predictor(Protocol):
     """An object as SAM and its kin have it."""
 
     def set_image(self, image: Any) -> Any:
-        """Look at an image (h, w, 3)."""
+        """Encode an image (h, w, 3)."""
 
     def predict(self, *, point_coords: Any, point_labels: Any, multimask_output: bool) -> Any:
         """Masks (k, h, w), their scores (k,), and more that isn't used."""
@@ -40,7 +40,7 @@ class PredictorSegmenter:
     """
 
     def __init__(self, predictor: Predictor) -> None:
-        """Ask this object."""
+        """Wrap this object."""
         self._predictor = predictor
         self._image: NDArray[np.uint8] | None = None
 

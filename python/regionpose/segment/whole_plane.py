@@ -189,7 +189,7 @@ def _spread(labels: Indices, occupied: Mask) -> Indices:
 
 
 def _limits(cloud: Array, patch: Patch, flat: Array) -> Array:
-    """How far from the plane each place (n, 2) may show a point of it (n,): noise, and what is not known of the plane
+    """How far from the plane each place (n, 2) may show a point of it (n,): noise, and the uncertainty of the plane
     away from its members.
     """
     plane_points = (cloud[patch.members] - patch.origin) @ patch.axes[:2].T

@@ -17,7 +17,7 @@ PACKAGE = __name__.partition(".")[0]
 
 
 class Parameter(NamedTuple):
-    """What a parameter's hint asks for: a class of the package, or a list of its objects; or None as well."""
+    """A parameter's type by its hint: a class of the package, or a list of its objects; or None as well."""
 
     position: int
     name: str
@@ -45,7 +45,7 @@ def checked_arguments(function: Callable[Given, Returned]) -> Callable[Given, Re
 
 
 def check_fields(instance: object) -> None:
-    """Pass an object whose fields are of the package's classes that their hints name; ValueError as of arguments."""
+    """Check that an object's fields are of the package's classes that their hints name; ValueError as of arguments."""
     made: Callable[..., object] = type(instance)
     for parameter in _parameters(made):
         _check(parameter, getattr(instance, parameter.name))

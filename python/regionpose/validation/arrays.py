@@ -86,7 +86,7 @@ def finite_array(values: object, item: str, *shapes: tuple[int, ...]) -> Array:
 
 
 def check_coordinates(points: Array, item: str = "point") -> None:
-    """Pass points (n, k) of which no finite one is too far away to be calculated with; ValueError that names one."""
+    """Check that finite points (n, k) are within `LARGEST_COORDINATE`; ValueError that names one."""
     far = np.flatnonzero(((points > LARGEST_COORDINATE) | (points < -LARGEST_COORDINATE)).any(axis=1))
     wrong = far[np.isfinite(points[far]).all(axis=1)]
     if len(wrong):
@@ -95,7 +95,7 @@ def check_coordinates(points: Array, item: str = "point") -> None:
 
 
 def check_extent(points: Array) -> None:
-    """Pass finite points (n, k) that are far enough apart to be calculated with; ValueError for others."""
+    """Check that finite points (n, k) extend over at least `SMALLEST_EXTENT`; ValueError otherwise."""
     extent = float(np.ptp(points, axis=0).max())
     if extent < SMALLEST_EXTENT:
         raise ValueError(f"{len(points)} points are within {extent:.3g}; needed an extent of {SMALLEST_EXTENT:.1e}")
@@ -120,7 +120,7 @@ class KeptArrays:
                 object.__setattr__(self, name, read_only(value))
 
     def __setstate__(self, state: Mapping[str, object]) -> None:
-        """Take what was kept; numpy's arrays come back writeable."""
+        """Restore a pickled state; numpy unpickles arrays writeable."""
         for value in state.values():
             _lock(value)
         self.__dict__.update(state)
@@ -143,7 +143,7 @@ def signed_area(ring: Array) -> float:
 
 
 def counter_clockwise(ring: Array) -> Array:
-    """The ring (n, 2), turned round where it turns clockwise."""
+    """The ring (n, 2), reversed where it is clockwise."""
     return ring if signed_area(ring) > 0.0 else ring[::-1]
 
 

@@ -39,7 +39,7 @@ Array = np.ndarray[Any, Any]
 
 @dataclass(frozen=True)
 class PoseSource:
-    """What else is known of a pose: the camera's name, its calibration file and its photo, None where it is not."""
+    """Further sources of a pose: the camera's name, its calibration file and its photo, None where it is not."""
 
     camera_name: str | None = None
     camera_file: Path | None = None

@@ -244,7 +244,7 @@ def _chosen(path: Path, label: int | str | None, image: str | int | None) -> Mas
 
 
 def _check_size(path: str | Path, found: tuple[int, ...], needed: tuple[int, int]) -> None:
-    """Pass a mask's size (h, w) that is the image's; ValueError for another."""
+    """Check that a mask's size (h, w) is the image's; ValueError otherwise."""
     if found == tuple(needed):
         return
     turned = found == tuple(needed)[::-1]

@@ -15,7 +15,7 @@ from regionpose.io.outputs.signals import deferred_signals
 from regionpose.io.outputs.whole_file import keep_mode
 
 NEW, OLD, JOURNAL = "new", "old", "placing"
-"""In a run's hidden folder: its files, those that they replace, and what is known of both while they change places."""
+"""In a run's hidden folder: its files, those that they replace, and the journal of both while they change places."""
 
 Writer = Callable[[Path], object]
 """Writes one file to the path it is given."""
