@@ -1,4 +1,4 @@
-//! How a pose is searched for, and what it has to be to be trusted.
+//! Options of the pose search, expected errors of an exposure, and limits of a trusted pose.
 
 use crate::prior::Prior;
 
@@ -50,7 +50,7 @@ pub struct Options {
     pub prior: Prior,
     /// What follows the moments.
     pub refinement: Refinement,
-    /// What calibration, time and scan add to the covariance.
+    /// Errors of calibration, time and scan, which add to the covariance.
     pub frame_sigma: FrameSigma,
     /// Largest standard deviations of a pose that is trusted.
     pub limits: Limits,
@@ -63,8 +63,8 @@ impl Default for Options {
     }
 }
 
-/// Standard deviations of what is wrong with a whole exposure, which no contour shows: its calibration, and the time between photo and
-/// scan (`docs/math.md`, section 10).
+/// Standard deviations of errors of a whole exposure, which no contour shows: its calibration, and the time between photo and scan
+/// (`docs/math.md`, section 10).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameSigma {
     /// Of the camera's rotation, rad.

@@ -178,14 +178,14 @@ impl Prior {
         self.near.map(|near| (near, self.near_sigma.unwrap_or(NEAR_SIGMA)))
     }
 
-    /// The most that it counts against a pose, in variances.
+    /// Its largest penalty, in variances.
     #[doc(hidden)]
     pub fn max_penalty(&self) -> f64 {
         let terms = [self.up.is_some(), self.rough().is_some(), self.near.is_some()];
         terms.into_iter().filter(|given| *given).count() as f64 * MAX_PENALTY
     }
 
-    /// What counts against a pose with this covariance of its left increment, in variances (`docs/math.md`, eq. 10.5).
+    /// Penalty of a pose with this covariance of its left increment, in variances (`docs/math.md`, eq. 10.5).
     #[doc(hidden)]
     pub fn penalty(&self, pose: &Pose, covariance: &Matrix6<f64>) -> f64 {
         let initial = self.initial_deviation(pose, covariance).and_then(|from| from.sigmas);

@@ -16,8 +16,7 @@ use crate::region::{ObservedRegion, WorldRegion};
 use crate::samples::ep;
 use crate::samples::margin::SampledRegion;
 
-/// Noise of the boundary, in pixels, below which the fit is not taken at its word: the quantization of a binary mask, and
-/// the quality of calibrations.
+/// Least noise of the boundary, in pixels: the quantization of a binary mask, and the quality of calibrations.
 const NOISE_FLOOR: f64 = 0.1;
 
 /// Work budget of a search, its least squares and its verdict each, in evaluations of all of the problem: more than problems of the
@@ -50,7 +49,7 @@ pub struct Problem {
     worlds: Arc<[WorldRegion]>,
     contours: Arc<[Contour]>,
     sampled: Arc<[SampledRegion]>,
-    /// Worked out when they are first asked for.
+    /// Computed on demand.
     coarse: OnceLock<Arc<[RegionEquations]>>,
     creases: OnceLock<Arc<[Crease]>>,
 }
@@ -179,7 +178,7 @@ impl Problem {
         (regions.sum::<usize>() + self.sampled.iter().map(ep::work).sum::<usize>()) as u64
     }
 
-    /// What a search may count at most.
+    /// The work budget of a search.
     pub(crate) fn most_work(&self) -> u64 {
         MAX_EVALUATIONS * self.work()
     }
@@ -206,7 +205,7 @@ impl Problem {
         Some(Evaluation { jacobian: evaluation.jacobian * increment_derivative(increment), ..evaluation })
     }
 
-    /// Variance of the boundary's noise that a whitened cost shows, squared pixels (`docs/math.md`, eq. 10.2).
+    /// Estimated variance of the boundary's noise from a whitened cost, squared pixels (`docs/math.md`, eq. 10.2).
     #[doc(hidden)]
     pub fn noise_variance(&self, cost: f64) -> f64 {
         (cost / self.degrees_of_freedom()).max(NOISE_FLOOR * NOISE_FLOOR)
@@ -220,7 +219,7 @@ impl Problem {
         numbers * (self.noise_variance(cost) / self.noise_variance(other)).ln()
     }
 
-    /// How many of the whitened equations a pose leaves.
+    /// Residual degrees of freedom of the whitened equations.
     fn degrees_of_freedom(&self) -> f64 {
         let count: usize = self.regions.iter().map(|region| region.count(Weighting::Whitened)).sum();
         count.saturating_sub(PARAMETERS).max(1) as f64

@@ -1,4 +1,4 @@
-//! From a problem to the poses that may be its answer: starts in, refined and ranked by the likelihood of the contours.
+//! Multi-start pose search: starts are screened, refined and ranked by the likelihood of the contours.
 
 pub mod acceptance;
 pub mod candidates;
@@ -35,7 +35,7 @@ use crate::geometry::pose::Pose;
 use crate::options::{Options, Refinement, Start};
 use crate::problem::Problem;
 
-/// What a search found: the poses that may be the answer, about the problem's origin, and what decides between them.
+/// The result of a search: candidate poses about the problem's origin, and the data to assess them.
 ///
 /// ```
 /// # use nalgebra::Vector3;
@@ -56,17 +56,17 @@ use crate::problem::Problem;
 pub struct Search {
     /// The problem, whitened for the boundary noise of its best candidate.
     pub(crate) problem: Problem,
-    /// How it was searched.
+    /// Options of the search.
     pub(crate) options: Options,
     pub(crate) found: Candidates,
     /// Starts of the inference from samples, about the problem's origin.
     pub(crate) starts: Vec<Pose>,
-    /// Whether it made do with what it had found by the limit of its work.
+    /// Whether the budget was exhausted.
     pub(crate) exhausted: bool,
 }
 
 impl Problem {
-    /// The poses that may be the answer; those found by the limit of its work where that is reached.
+    /// The candidate poses; those found by then where the budget is exhausted.
     ///
     /// Regions whose samples are uninformative at all of them are compared by their outlines alone.
     pub fn search(&self, options: &Options) -> Search {
@@ -139,7 +139,7 @@ impl Problem {
 }
 
 impl Search {
-    /// The poses near which the moments' equations are to be solved, best first; none where the contours have decided.
+    /// The poses near which the moments' equations are to be solved, best first; none where the contours determine the pose.
     pub fn candidates(&self) -> Vec<Pose> {
         match &self.found {
             Candidates::NearMinima(poses) => poses.iter().map(|pose| self.problem.uncentered(pose)).collect(),

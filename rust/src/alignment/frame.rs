@@ -1,4 +1,4 @@
-//! One photo and one cloud: how well the cloud's edges lie on the photo's at a pose (`docs/math.md`, section 19).
+//! One photo and one cloud: the log likelihood ratio of the cloud's edges in the photo at a pose (`docs/math.md`, section 19).
 
 use std::sync::Arc;
 

@@ -1,5 +1,4 @@
-//! Pictures of a photo that hold how much likelier it is with the image of an edge in a pixel than with none
-//! (`docs/math.md`, eq. 18.2).
+//! Log likelihood ratios of a photo's pixels: with the image of an edge in a pixel against none (`docs/math.md`, eq. 18.2).
 
 use super::groups::{Floats, GROUP, Numbers, ZEROS, whole};
 

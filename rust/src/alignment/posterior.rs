@@ -31,7 +31,7 @@ const COARSE_ENDS: Ends = Ends { flat: 0.1, gain: 0.05, tries: 10, steps: 20 };
 pub struct Posterior<'a> {
     /// Photos and clouds.
     pub frames: &'a [Frame],
-    /// What edges of each count.
+    /// Weight of the edges of each.
     pub weights: Vec<Weight>,
     /// Index of the spread of their edges.
     pub spread: usize,
@@ -39,7 +39,7 @@ pub struct Posterior<'a> {
     pub density: &'a PoseDensity,
 }
 
-/// What the edges of a frame count.
+/// Weight of a frame's edges.
 #[derive(Debug, Clone, Copy)]
 pub enum Weight {
     /// The sum of their log likelihood ratios by a share of it, since neighbors show the same.

@@ -13,7 +13,7 @@ use super::posterior::{Mode, Posterior, Weight};
 use crate::error::Result;
 use crate::geometry::pose::Pose;
 
-/// How a pose is searched for.
+/// Options of a search.
 #[derive(Debug, Clone, Copy)]
 pub struct SearchOptions {
     /// Poses that are drawn.
@@ -30,7 +30,7 @@ impl Default for SearchOptions {
     }
 }
 
-/// How much of a search is done, for other threads to read.
+/// Progress of a search, for other threads to read.
 #[derive(Debug, Default)]
 pub struct SearchProgress {
     done: AtomicU64,
@@ -93,7 +93,7 @@ pub fn search(frames: &[Frame], density: &PoseDensity, starts: &[Pose], options:
     search_with_progress(frames, density, starts, options, &SearchProgress::default())
 }
 
-/// [`search`], which counts in `progress` what is done.
+/// [`search`], which reports to `progress`.
 ///
 /// # Errors
 /// When threads cannot be started.

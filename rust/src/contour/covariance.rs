@@ -13,10 +13,10 @@ use crate::geometry::pose::PARAMETERS;
 use crate::math::autocorrelation::correlation;
 use crate::math::lanes::{Lanes, NullaryFnOnce, vectorized};
 
-/// The mean slope over the mean weight at least: below it, the contour does not hold the pose at this scale.
+/// Least ratio of the mean slope to the mean weight: below it, the contour does not constrain the pose at this scale.
 const LEAST_SLOPE: f64 = 0.1;
 
-/// Deviation of a piece, pixels, below which the distances are not taken at their word: the quality of calibrations.
+/// Least deviation of a piece, pixels: the quality of calibrations.
 const NOISE_FLOOR: f64 = 0.06;
 
 /// Numbers that a line has: where the two ends of a side are.
@@ -25,7 +25,7 @@ const ENDS: f64 = 2.0;
 /// Mean square of the distances along a side, of its ends' variance: the mean of `t^2 + (1 - t)^2`.
 const OF_ENDS: f64 = 2.0 / 3.0;
 
-/// Variance of a corner along either axis before any is seen: that of a place within a pixel.
+/// Prior variance of a corner along either axis: that of a uniform place within a pixel.
 const WITHIN_PIXEL: f64 = 1.0 / 12.0;
 
 /// Degrees of freedom that an estimated variance costs: Student's distribution of `n` has the variance `n / (n - 2)`.

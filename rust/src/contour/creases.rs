@@ -28,8 +28,7 @@ const SHARED: f64 = 5.0;
 /// Length, pixels, from which an edge is shared: its ends, off by 1.5 px each, then turn it by 6 degrees (1 sigma).
 const SHORTEST: f64 = 20.0;
 
-/// Sine of the angle between planes (20 degrees) from which on their line counts as determined: its place errs by theirs over the
-/// sine.
+/// Least sine of the angle between planes (20 degrees): the error of their line is that of the planes over the sine.
 const APART: f64 = 0.34;
 
 /// Distance of a world outline from the line up to which its region meets it, as a share of the square root of its

@@ -24,7 +24,7 @@ const ROUGH: f64 = 3.0;
 const FAR_OFF: f64 = 0.25;
 
 /// The first scale over the distance within which half of the pieces lie: the standard deviation of a normal distribution with
-/// that median is 1.48 times as large, and nothing is to be given up yet.
+/// that median is 1.48 times as large, and no piece is to be an outlier yet.
 const FIRST_SCALE: f64 = 2.2;
 
 /// Gauss-Newton steps from one reading of the nearest edges to the next at most: from 10 degrees off one step converges less often
@@ -53,7 +53,7 @@ const MAX_OUTLIER_FRACTION: f64 = 0.02;
 /// Standard deviation of the pieces' distances, pixels, above which a contour isn't clean, however even they are.
 const CLEAN_SIGMA: f64 = 1.0;
 
-/// Clean share of a contour above which the rest is what disturbs it: most of it, by the word.
+/// Clean share of a contour above which it is mostly clean.
 pub const MOSTLY: f64 = 0.5;
 
 /// Another pose fits as well when its likelihood is below the best by less than this many variances: five standard
@@ -64,7 +64,7 @@ pub const MOSTLY: f64 = 0.5;
 /// more than one (`cargo test symmetry::`).
 pub const AMBIGUITY: f64 = 25.0;
 
-/// A pose and what the contours show there.
+/// A pose with the contours' residuals and their mixture.
 #[derive(Debug, Clone)]
 pub struct ContourFit {
     /// The pose about the problem's origin.
@@ -76,7 +76,7 @@ pub struct ContourFit {
     counts: Vec<usize>,
     /// One piece in so many was read.
     step: usize,
-    /// Probability of each reading to be clean, once it is asked for.
+    /// Probability of each reading to be clean, computed on demand.
     clean: OnceLock<Vec<f64>>,
 }
 
@@ -148,8 +148,8 @@ impl ContourFit {
 
     /// Pieces of the contours that vary independently of each other.
     ///
-    /// Where most of every contour is clean, the clean pieces, whose noise hardly goes from one to the next; elsewhere stretches
-    /// that were disturbed as one, or not: of these a wrong pose meets some by chance.
+    /// Where most of every contour is clean, the clean pieces, whose noise is hardly correlated; elsewhere stretches disturbed as
+    /// a whole, or clean, some of which match a wrong pose by chance.
     pub fn independent(&self) -> f64 {
         let shares = self.clean_shares();
         if shares.iter().all(|&share| share > MOSTLY) {
@@ -195,7 +195,7 @@ impl ContourFit {
 
     /// By how much the log likelihood exceeds that of another pose for the same pieces, over those that vary independently.
     ///
-    /// Of what counts as clean, too, stretches are put off as one where they scatter by more than their own noise.
+    /// Clean pieces are correlated, too, where they scatter by more than their own noise.
     #[doc(hidden)]
     pub fn gain_over(&self, other: &Self) -> f64 {
         let pulls = self.readings.iter().zip(self.clean()).map(|(reading, clean)| clean * reading.distance);
@@ -282,7 +282,7 @@ impl Readings {
     }
 }
 
-/// How likely poses are that aren't refined: mean logarithms of the density of some pieces by one mixture for all.
+/// The likelihood of unrefined poses: mean log density of some pieces by one fixed mixture.
 #[derive(Debug, Clone)]
 pub struct FixedMixture<'a> {
     contours: &'a [Contour],
@@ -291,7 +291,7 @@ pub struct FixedMixture<'a> {
 }
 
 impl<'a> FixedMixture<'a> {
-    /// A sketch by every `step`-th piece.
+    /// The fixed mixture, evaluated at every `step`-th piece.
     pub fn new(contours: &'a [Contour], step: usize) -> Self {
         let size = contours.iter().map(Contour::size).fold(0.0, f64::max);
         Self { contours, step, mixture: Mixture::even(ROUGH, FAR_OFF * size, contours.len()) }
@@ -366,8 +366,8 @@ fn refined_from(
     }
 }
 
-/// The pose after Gauss-Newton steps by the weights of one mixture, each piece held to the edge that it was read from, and
-/// whether the first step was hardly one.
+/// The pose after Gauss-Newton steps by the weights of one mixture, with each piece's edge fixed, and whether the first step
+/// was below the tolerance.
 fn stepped(contours: &[Contour], start: Pose, step: usize, readings: &Readings, mixture: &Mixture) -> (Pose, bool) {
     let mut pose = start;
     for number in 0..STEPS {
@@ -394,7 +394,7 @@ fn equations_at(
     for (region, (contour, before)) in contours.iter().zip(split(&readings.all, &readings.counts)).enumerate() {
         let odds = mixture.odds(region);
         let weight = |reading: &Reading| match mixture.sigma > FINEST_SCALE {
-            // On the way only what may be clean pulls; the likeliest pose is where all of the density's slopes balance.
+            // At coarse scales outliers have no weight; at the finest the gradient is that of the whole density.
             true => odds.clean_probability(reading),
             false => odds.weight(reading),
         };
@@ -403,7 +403,7 @@ fn equations_at(
     Some(equations)
 }
 
-/// The step to the least weighted squares; `None` where no direction is held.
+/// The Gauss-Newton step of the weighted least squares; `None` where the normal equations are singular.
 fn gauss_newton(equations: &NormalEquations) -> Option<Tangent> {
     let ridge = Matrix6::from_diagonal(&(equations.information.diagonal() * RIDGE));
     let increment: Vector6<f64> = -(equations.information + ridge).cholesky()?.solve(&equations.gradient);

@@ -6,7 +6,7 @@ use super::readings::Reading;
 /// Share of a contour that lies on the projected boundary of another region by chance: it crosses that here and there.
 const BY_CHANCE: f64 = 0.06;
 
-/// Share, of a region that belongs to the pose, below which nothing counts as found: twice what chance gives.
+/// Clean share of an inlier below which it is not distinguished from chance: twice the latter.
 const LEAST_OWN: f64 = 2.0 * BY_CHANCE;
 
 /// Half a pixel: as far as the edge of a binary mask lies from the true one. What is nearer is off by no more than masks are.
@@ -31,8 +31,8 @@ pub fn log_odds(fit: &ContourFit) -> Vec<f64> {
     fit.regions().map(|(region, readings)| odds((region, readings.len()))).collect()
 }
 
-/// The regions of whose contours half more is off than of the cleanest of the others: what disturbs these does not explain it. What
-/// lies within half a pixel is not off, however much closer other regions fit.
+/// The regions whose contours are disturbed by half more than that of the cleanest of the others, which its disturbance does not
+/// explain. Pieces within half a pixel count as clean, however much closer other regions fit.
 pub fn contradicted(fit: &ContourFit) -> Vec<bool> {
     let near =
         |readings: &[Reading]| readings.iter().filter(|reading| reading.robust_distance < HALF_A_PIXEL).count() as f64;

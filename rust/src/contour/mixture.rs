@@ -1,5 +1,5 @@
-//! The one likelihood of a pose: how far the pieces of the contours lie from its boundaries, of which a share is clean and the
-//! rest disturbed (`docs/math.md`, eq. 11.5).
+//! The robust likelihood of a pose: a mixture of two normal distributions, inliers and outliers, of the distances between contours
+//! and projected boundaries (`docs/math.md`, eq. 11.5).
 
 use super::readings::Reading;
 
@@ -84,9 +84,9 @@ impl Mixture {
 /// Inlier probability and weight of a region's pieces by their distance.
 #[derive(Debug, Clone, Copy)]
 pub struct Odds {
-    /// Those of a piece at no distance.
+    /// Odds of a piece at zero distance.
     nearest: f64,
-    /// What their logarithm grows by with a squared pixel.
+    /// Decrease of the log odds per squared pixel.
     fall: f64,
     /// Weight of a piece that is disturbed for certain.
     least: f64,
@@ -98,12 +98,12 @@ impl Odds {
         1.0 / (1.0 + self.nearest * (self.fall * (reading.robust_distance * reading.robust_distance)).exp())
     }
 
-    /// Weight of a piece's squared distance: what the logarithm of the density falls with it by, over that of a clean one.
+    /// Weight of a piece's squared distance: derivative of the log density by it, over that of a clean piece.
     pub fn weight(&self, reading: &Reading) -> f64 {
         self.clean_and_weight(reading).1
     }
 
-    /// Both.
+    /// Clean probability and weight.
     pub fn clean_and_weight(&self, reading: &Reading) -> (f64, f64) {
         let clean = self.clean_probability(reading);
         (clean, clean + (1.0 - clean) * self.least)

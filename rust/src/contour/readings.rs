@@ -1,5 +1,4 @@
-//! How far the pieces of observed contours lie from the projected boundaries, and how a pose moves these (`docs/math.md`,
-//! section 11).
+//! Point-to-boundary residuals of contour pieces, and their derivatives by the pose (`docs/math.md`, section 11).
 
 use std::cell::OnceCell;
 use std::sync::{Arc, OnceLock};
@@ -42,7 +41,7 @@ pub struct Contour {
     foreign: Vec<Vec<bool>>,
     /// Chart units to the unit of the plane z = 1 of the chart's axes.
     scale: f64,
-    /// All pieces of the outline, on that plane, once they are asked for.
+    /// All pieces of the outline, on that plane, computed on demand.
     pieces: OnceLock<Vec<Piece>>,
     /// One piece in `few` of them.
     sketch: Vec<Piece>,
@@ -59,14 +58,14 @@ pub struct Contour {
     cut: bool,
 }
 
-/// What a piece of a contour shows.
+/// The residual of a piece of a contour.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
     /// Signed distance of its mean from the projected boundary, pixels.
     pub distance: f64,
     /// Mean square of its points about their mean across the boundary, squared pixels.
     pub spread: f64,
-    /// How far off it counts: as far as its mean, farther where it runs across the boundary, pixels.
+    /// Distance in the likelihood: that of its mean, more where it runs across the boundary, pixels.
     pub robust_distance: f64,
     /// The edge of the boundary that it is nearest to, counted over all rings.
     pub edge: u32,
@@ -108,7 +107,7 @@ impl Contour {
         self.few
     }
 
-    /// What reading all pieces counts as.
+    /// Cost of reading all pieces, in edge evaluations.
     pub fn work(&self) -> usize {
         self.boundary.count() + EDGES_OF_PIECE * pieces::count(&self.outline, self.size)
     }
@@ -128,7 +127,7 @@ impl Contour {
         self.pieces(step).len()
     }
 
-    /// How many numbers it is at most, from every `step`-th piece.
+    /// Its effective number of observations at most, from every `step`-th piece.
     pub(super) fn numbers(&self, step: usize) -> f64 {
         pieces::numbers(&self.pieces(step).copied().collect::<Vec<_>>(), step)
     }
@@ -267,7 +266,7 @@ impl Contour {
         None
     }
 
-    /// What a piece shows against an edge, and the place on the edge that it is nearest to.
+    /// The reading of a piece against an edge, and the place on the edge that it is nearest to.
     fn reading(&self, edge: &Edge, index: usize, piece: &Piece) -> (Reading, Foot) {
         let (foot, value) = edge.foot(&piece.mean);
         let (distance, spread) = (self.pixels * value, foot.normal.dot(&(piece.spread * foot.normal)));

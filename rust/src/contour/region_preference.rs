@@ -1,5 +1,5 @@
-//! Which of two poses each region belongs to: one that belongs to the other alone is in another place as a whole, as a moved thing
-//! or one of a wrong pair is. That is one event, however long the region's contour (`docs/math.md`, section 11).
+//! Comparison of two poses by region: a region that fits the other pose alone is displaced as a whole, like a moved thing or one of
+//! a wrong pair. That is one event, however long the region's contour (`docs/math.md`, section 11).
 
 use std::cmp::Ordering;
 
@@ -27,8 +27,8 @@ impl RegionPreference {
     }
 }
 
-/// How much worse the second pose is, in variances, of `worse` by all regions or some: with the sign of the more votes, and where
-/// there are as many for either pose by the other regions and by how far off, pixels, each region lies at each.
+/// Deviance of the second pose, in variances, of `worse` by all regions or some: its sign is that of the majority of regions; with a
+/// tie it is that by the other regions and by the distances, pixels, of each region at each pose.
 pub fn compare_by_region(
     preferences: &[RegionPreference],
     distances: [&[f64]; 2],
@@ -40,7 +40,7 @@ pub fn compare_by_region(
     let by_others =
         || worse(&preferences.iter().map(|&preference| preference == RegionPreference::Neither).collect::<Vec<_>>());
     match first.cmp(&second) {
-        // What chance alone puts ahead of the likelier pose is not better.
+        // A pose that chance alone puts ahead of the likelier one is not better.
         _ if first == 0 || second == 0 => by_all().max(0.0),
         Ordering::Greater => by_all().abs(),
         Ordering::Less => -by_all().abs(),

@@ -48,7 +48,7 @@ pub struct RegionEquations {
     facets: Arc<[Facet]>,
     /// Noise of the boundary, in pixels, and the orders that the whitened equations are for.
     noise: (f64, Orders),
-    /// Worked out when it is first asked for.
+    /// Computed on demand.
     whitening: OnceLock<Whitening>,
 }
 
@@ -64,7 +64,7 @@ struct Sides {
     hides_edges: bool,
     observed: Vec<f64>,
     pixel_area: f64,
-    /// Worked out when it is first asked for.
+    /// Computed on demand.
     covariance: OnceLock<BoundaryCovariance>,
 }
 
@@ -216,7 +216,7 @@ impl RegionEquations {
         places * EDGES_OF_MOMENTS + beside * (EDGES_OF_MOMENTS + self.edges_of_flux())
     }
 
-    /// What the flux through an edge counts as: on the plane one list of moments for each component of its normal, on the sphere
+    /// Cost of the flux through an edge: on the plane one list of moments for each component of its normal, on the sphere
     /// one for each node.
     fn edges_of_flux(&self) -> usize {
         match self.sides.system {

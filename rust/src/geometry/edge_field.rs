@@ -41,7 +41,7 @@ pub struct EdgeField {
     candidates: OnceLock<Box<[Candidates]>>,
 }
 
-/// The edges that may be nearest to a point of a cell and their numbers, rising, once they are asked for.
+/// The edges that may be nearest to a point of a cell and their numbers, rising, computed on demand.
 type Candidates = OnceLock<Box<[(Few, [u32; LANES])]>>;
 
 #[derive(Debug, Clone, Copy)]

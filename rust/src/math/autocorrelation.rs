@@ -2,7 +2,7 @@
 
 use super::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 
-/// The least that a sum of neighbors may vary against independent ones: a convention.
+/// Least integrated autocorrelation time: a convention.
 const LEAST_CORRELATION: f64 = 0.2;
 
 /// Autocovariance of a lag, within regions of these numbers of values.
@@ -32,8 +32,8 @@ fn product(values: &[f64], counts: &[usize], lag: usize) -> f64 {
     vectorized(Product { values, counts, lag })
 }
 
-/// How much more a long sum of neighbors varies than if they were independent: less where they take turns, as the steps of a
-/// staircase do.
+/// Integrated autocorrelation time: the ratio of the variance of a long sum of neighbors to that of independent ones; below one where
+/// neighbors alternate, as the steps of a staircase do.
 ///
 /// `1 + 2 sum of the autocorrelations`, summed in pairs up to the first pair that is not positive (Geyer 1992, section 3.3).
 pub fn correlation(values: &[f64], counts: &[usize]) -> f64 {

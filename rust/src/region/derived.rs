@@ -1,5 +1,4 @@
-//! What follows from a world region's outline alone: worked out when it is first asked for, once for all problems that
-//! the region and its copies are in.
+//! Quantities of a world region's outline alone, computed on demand, once for all problems of the region and its copies.
 
 use std::sync::{Arc, OnceLock};
 
@@ -18,7 +17,7 @@ const COARSE: f64 = 0.003;
 /// keep corners every 20 degrees, masks lose their staircase.
 pub(crate) const CORNER_TOLERANCE: f64 = 0.015;
 
-/// What follows from an outline on a plane.
+/// Quantities of an outline on a plane, computed on demand.
 #[derive(Debug, Default)]
 pub(crate) struct Derived {
     field: OnceLock<Arc<EdgeField>>,

@@ -71,7 +71,7 @@ pub(super) struct ActiveSet<'a> {
     pub(super) corner_sigma: f64,
     /// Label noise of each region.
     pub(super) models: Vec<LabelModel>,
-    /// What the inactive labels of each region show.
+    /// Statistics of the inactive labels of each region.
     pub(super) inactive_stats: Vec<LabelStats>,
 }
 

@@ -1,5 +1,5 @@
 //! Label noise model: the probability of a sample's label given its margin, a probit mixture with mislabeling (`docs/math.md`,
-//! eq. 17.3), its moments under a normal margin (eq. 17.6), and what labels show of its parameters.
+//! eq. 17.3), its moments under a normal margin (eq. 17.6), and the sufficient statistics of its parameters.
 
 use super::margin::{EdgeKind, Margin, ProjectedSample, SampledRegion};
 use crate::geometry::pose::Pose;

@@ -30,7 +30,7 @@ pub struct Posterior {
     pub wrong_fractions: Vec<f64>,
     /// Message of the samples of each region to the left increment, by the region's index in the problem.
     pub messages: Vec<(usize, Gaussian)>,
-    /// What is compared with other modes.
+    /// Evidence, to compare it with other modes.
     pub(super) evidence: ModeEvidence,
 }
 
@@ -67,7 +67,7 @@ impl Posterior {
     #[doc(hidden)]
     pub fn mixed_over(self, modes: &[Self], regions: &[SampledRegion]) -> Self {
         let Some((best, rest)) = modes.split_first() else { return self };
-        // Odds beyond a number's range are as good as a very large one.
+        // Odds beyond a number's range are clamped.
         let odds = rest.iter().map(|mode| (-0.5 * best.deviance_to(mode, regions)).exp().min(f64::MAX.sqrt()));
         let odds: Vec<f64> = std::iter::once(1.0).chain(odds).collect();
         let sum: f64 = odds.iter().sum();

@@ -3,7 +3,7 @@
 use crate::contour::fit::{ContourFit, MOSTLY};
 use crate::contour::members::least_evidence;
 
-/// Scatter of the clean pieces, pixels, above which nothing counts as found yet: several times that of any mask or drawing.
+/// Scatter of the clean pieces, pixels, above which no pose is accepted: several times that of any mask or drawing.
 pub const LOOSE_SIGMA: f64 = 2.0;
 
 /// Gain of log likelihood below which a pose refined on the contours isn't preferred to the moments': six parameters gain 3 by
@@ -16,7 +16,7 @@ pub(super) fn is_found(fit: &ContourFit) -> bool {
     fit.regions().count() > 1 && fit.mixture.sigma < LOOSE_SIGMA && least_evidence(fit) >= DECISIVE
 }
 
-/// Whether most of every region's contour is explained.
+/// Whether most of every region's contour is clean.
 pub(super) fn is_mostly_clean(fit: &ContourFit) -> bool {
     fit.mixture.sigma < LOOSE_SIGMA && fit.clean_shares().iter().all(|&share| share >= MOSTLY)
 }

@@ -42,7 +42,7 @@ impl Problem {
 }
 
 /// Minima of the whitened equations near the likeliest poses, those that could fit as well as the best: by the equations, which
-/// know what a pose shows beyond the observed contours, and by these.
+/// include what a pose shows beyond the observed contours, and by these.
 pub(super) fn whitened_minima(problem: &Problem, poses: Vec<Pose>, prior: &Prior) -> Vec<Pose> {
     if poses.len() <= 1 {
         return poses;

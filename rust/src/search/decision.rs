@@ -1,4 +1,4 @@
-//! Whether the contours decide a pose, or the moments: of contours that are disturbed all over these are the better measure
+//! Model choice between the fit on the contours and the minimum of the moments, the better one of contours that are disturbed all over
 //! (`docs/math.md`, eq. 11.15).
 
 use super::acceptance::{DECISIVE, is_mostly_clean};
@@ -19,7 +19,7 @@ pub(super) fn decides(contours: &[Contour], place: &Pose, minimum: &Pose, own: &
         && gain - at(own).map_or(0.0, |own| moment_log_odds(contours, &place, &own)) >= DECISIVE
 }
 
-/// Whether as many stretches of the contours are clean as a pose has numbers: fewer may lie on the projection by chance at any pose.
+/// Whether as many independent parts of the contours are clean as a pose has parameters: fewer may lie on the projection by chance.
 fn holds_a_pose(place: &ContourFit) -> bool {
     let shares = place.clean_shares();
     place.independent() * shares.iter().sum::<f64>() >= (PARAMETERS * shares.len()) as f64

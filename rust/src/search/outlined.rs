@@ -1,4 +1,4 @@
-//! Gaussian factors of outlines that stand beside samples (`docs/math.md`, section 17).
+//! Gaussian factors of outlines beside those of samples (`docs/math.md`, section 17).
 
 use std::f64::consts::TAU;
 
@@ -7,7 +7,7 @@ use crate::contour::readings::Contour;
 use crate::geometry::pose::Pose;
 use crate::math::gaussian::Gaussian;
 
-/// What contours without samples show at a pose, by the pieces that vary independently (`docs/math.md`, eq. 11.5).
+/// The Gaussian factor of contours without samples at a pose, by their independent pieces (`docs/math.md`, eq. 11.5).
 pub(super) fn outlines(contours: &[Contour], pose: &Pose) -> Gaussian {
     if contours.is_empty() {
         return Gaussian::default();

@@ -21,7 +21,7 @@ pub(super) const MAX_DEFICIT: f64 = 1.0;
 pub(super) const MOST_REFINED: usize = 16;
 
 impl Problem {
-    /// The most that a prior and the regions' visible sides count against a pose, in variances.
+    /// Largest penalty of a prior and of the regions' visible sides, in variances.
     pub(crate) fn max_penalty(&self, prior: &Prior) -> f64 {
         let sides = self.worlds().iter().filter(|world| world.viewpoint().is_some()).count();
         prior.max_penalty() + MAX_PENALTY * sides as f64

@@ -30,7 +30,7 @@ const MOST_STARTS: usize = 24;
 /// lidar_beams=16 --only scan=samples`).
 const CONVERGENCE_RADIUS: f64 = 0.2;
 
-/// Poses nearer than this, rad and share of the distance, came to one place.
+/// Poses nearer than this, rad and share of the distance, have converged to one mode.
 const SAME_PLACE: f64 = 0.02;
 
 /// Squared distance of two answers, in variances of both together, up to which they are one: three standard deviations.
@@ -162,7 +162,7 @@ impl Problem {
     /// covariance and the scatter of contours, pixels; `None` where those of all regions are informative.
     pub(crate) fn with_informative_samples_at(&self, answers: &[(Pose, Matrix6<f64>, f64)]) -> Option<Self> {
         let is_informative = |region: &SampledRegion| {
-            // Of a line alone, the outline shows nothing.
+            // The outline of a line alone carries no information.
             let is_line = self.worlds()[region.index()].is_line();
             is_line
                 || answers.iter().any(|(pose, covariance, scatter)| region.is_informative(pose, covariance, *scatter))

@@ -16,26 +16,25 @@ const OUTLINES: [f64; 8] = [2.316, -0.668, 2.650, -3.037, 0.476, -2.012, 1.158, 
 /// The same of a pose from samples.
 const SAMPLES: [f64; 6] = [2.440, -0.770, 3.565, -3.808, -16.903, -1.019];
 
-/// What a fit shows of the pose.
+/// Features of a pose's fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Evidence {
     /// Standard deviations of the rotation about its principal axes, degrees.
     pub rotation_sigmas: [f64; 3],
     /// Number of regions that belong to the pose.
     pub regions: usize,
-    /// The rest, which is other things of outlines than of samples.
+    /// The features that differ between outlines and samples.
     pub source: EvidenceSource,
 }
 
-/// What outlines or samples show of a pose beside its noise.
+/// Features of outlines or of samples, beside the noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum EvidenceSource {
     /// By the pieces of contours.
     Outlines {
         /// Whether other poses fit as well: where several do, one that was not found may, too.
         ambiguous: bool,
-        /// Whether nothing had to be given up: the moments of the whole regions decided, no part of them being disturbed so much
-        /// that the contours had to.
+        /// Whether the pose is that of the moments of whole regions: no part of them is so disturbed that the contours had to decide.
         whole: bool,
         /// Scatter of the clean pieces of the contours, pixels.
         scatter: f64,
@@ -103,7 +102,7 @@ impl Evidence {
         Self { rotation_sigmas: rotation_sigmas(covariance), regions: count(&belong), source }
     }
 
-    /// What the logarithm of the odds that the pose is no other place is a weighted sum of (`docs/math.md`, eq. 15.3).
+    /// Features whose weighted sum is the log odds that the pose is the right mode (`docs/math.md`, eq. 15.3).
     #[doc(hidden)]
     pub fn features(&self) -> Vec<f64> {
         let weakest = self.rotation_sigmas.map(bounded).into_iter().fold(0.0, f64::max);
@@ -117,8 +116,8 @@ impl Evidence {
         [common.as_slice(), &own].concat()
     }
 
-    /// Probability that the pose, or one that fits alike, is within 5 degrees of the true one: that it is the place, and that the
-    /// noise leaves it so near.
+    /// Probability that the pose, or one that fits alike, is within 5 degrees of the true one: that of the right mode, times that of so
+    /// small an error by noise.
     pub fn probability(&self) -> f64 {
         let weights: &[f64] = match self.source {
             EvidenceSource::Outlines { .. } => &OUTLINES,

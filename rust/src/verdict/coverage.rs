@@ -30,7 +30,7 @@ fn unscaled(observed: &RegionEquations) -> PlaneRings {
     PlaneRings::of_simple(observed.outline().rings().iter().map(ring).collect())
 }
 
-/// What a pose shows of a world region there; nothing of a surface that hides a part of itself.
+/// The projected world region there; none of a surface that occludes a part of itself.
 fn predicted(observed: &RegionEquations, world: &WorldRegion, pose: &Pose) -> PlaneRings {
     let chart = Chart { scale: 1.0, ..*observed.chart() };
     let rings = seen(&chart, world, pose);

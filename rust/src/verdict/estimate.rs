@@ -29,15 +29,15 @@ use crate::search::poses::distinct;
 pub struct Estimate {
     /// The best pose.
     pub best: Solution,
-    /// Noise of the boundary that the fit shows, in pixels along the normal.
+    /// Estimated noise of the boundary, in pixels along the normal.
     pub boundary_noise: f64,
-    /// The other poses that fit as well and that the prior leaves, best first.
+    /// Other poses that fit as well and agree with the prior, best first.
     pub alternatives: Vec<Solution>,
     /// Edges that two regions share, used as evidence beside samples: the regions, and the ends in the world.
     pub creases: Vec<([usize; 2], [Vector3<f64>; 2])>,
-    /// What to be warned of.
+    /// Warnings of the best pose.
     pub warnings: Vec<Warning>,
-    /// What the fit shows of the best pose, whatever else fits alike.
+    /// Features of the fit that the confidence is computed from.
     pub evidence: Evidence,
     /// Evaluations of the equations in the final least squares.
     pub evaluations: usize,
@@ -56,7 +56,7 @@ struct Hypotheses<'a> {
 }
 
 impl Problem {
-    /// The pose from nothing but the regions, by the native solver.
+    /// The pose of the regions without a prior, by the native solver.
     ///
     /// # Errors
     /// [`Error::NoPose`] where no pose shows every region in its chart.
@@ -77,7 +77,7 @@ impl Problem {
 }
 
 impl Search {
-    /// The estimate, with the minima that any driver found from the candidates.
+    /// The estimate, of the minima that any least-squares solver found from the candidates.
     ///
     /// # Errors
     /// [`Error::NoPose`] where no pose shows every region in its chart.
@@ -119,7 +119,7 @@ impl Search {
         })
     }
 
-    /// The creases as a pose shows them.
+    /// The visible part of each crease at a pose.
     fn creases(&self, pose: &Pose) -> Vec<([usize; 2], [Vector3<f64>; 2])> {
         let creases = self.problem.creases();
         creases.iter().map(|crease| (crease.regions, self.problem.crease_segment(crease, pose))).collect()

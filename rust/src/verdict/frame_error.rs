@@ -38,10 +38,10 @@ pub(super) struct RegionFactor {
     pub(super) is_scanned: bool,
 }
 
-/// The covariance of a pose, of the left increment, with what errors add that contours and samples share: of the whole exposure, of its
-/// calibration and, of a scan, of each region (`docs/math.md`, eq. 10.8 to 10.12); `pixel` is the angle of one.
+/// The covariance of a pose, of the left increment, plus that of errors which all contours and samples share: of the whole exposure, of
+/// its calibration and, of a scan, of each region (`docs/math.md`, eq. 10.8 to 10.12); `pixel` is the angle of one.
 ///
-/// How far the regions of a scan are off is learned from how far they contradict one another at the pose, about what is expected of them.
+/// The error of a scan's regions is inferred from how far they contradict one another at the pose, given its prior.
 pub(super) fn with_frame_error(
     covariance: &Matrix6<f64>,
     factors: &[RegionFactor],
@@ -64,8 +64,8 @@ fn deviations(turn: f64, way: f64) -> Vector6<f64> {
     Vector6::new(turn, turn, turn, way, way, way)
 }
 
-/// The derivative of a pose, of this covariance, by the logarithm of the focal lengths (`docs/math.md`, eq. 10.9): with longer ones a region
-/// is seen nearer to the axis, and as small as one that stands farther.
+/// The derivative of a pose, of this covariance, by the logarithm of the focal lengths (`docs/math.md`, eq. 10.9): with longer ones a
+/// region is seen nearer to the axis, and as small as one that stands farther.
 pub(super) fn focal_shift(covariance: &Matrix6<f64>, factors: &[RegionFactor]) -> Tangent {
     if !covariance.iter().all(|entry| entry.is_finite()) {
         return Tangent::from_element(f64::NAN);
@@ -83,7 +83,7 @@ pub(super) fn focal_shift(covariance: &Matrix6<f64>, factors: &[RegionFactor]) -
     information.cholesky().map_or_else(Tangent::zeros, |root| root.solve(&pulls.sum::<Tangent>()))
 }
 
-/// What the errors of single regions of a scan add.
+/// The covariance added by errors of single regions of a scan.
 fn by_regions(covariance: &Matrix6<f64>, factors: &[RegionFactor], sigma: &FrameSigma) -> Matrix6<f64> {
     let unit = deviations(sigma.rotation, sigma.place) * (OF_REGION / VARIANCE.sqrt());
     let scanned = factors.iter().filter(|region| region.is_scanned);
@@ -120,7 +120,7 @@ impl Region {
         Self { information: axes * Matrix6::from_diagonal(&values) * axes.transpose(), axes, values, along }
     }
 
-    /// Its factor where it is off by so many times as far, and the logarithm of its integral over that error.
+    /// Its factor with an error scaled by `factor` integrated out, and the logarithm of the scale.
     fn blurred(&self, factor: f64) -> (Matrix6<f64>, Vector6<f64>, f64) {
         let square = factor * factor;
         let left = self.values.map(|value| 1.0 / (1.0 + square * value));
@@ -131,7 +131,7 @@ impl Region {
     }
 }
 
-/// The mean square of how many times as far as expected regions are off.
+/// Posterior mean square of the factor by which regions are off farther than expected.
 fn mean_square_factor(regions: &[Region]) -> f64 {
     let logs: Vec<(f64, f64)> = LOG_FACTORS
         .map(|step| {

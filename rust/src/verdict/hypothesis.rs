@@ -21,29 +21,29 @@ use crate::samples::margin::SampledRegion;
 use crate::samples::posterior::Posterior;
 use crate::search::poses::apart;
 
-/// A pose that may be the answer.
+/// A pose hypothesis with its fit.
 #[derive(Debug, Clone)]
 pub(super) struct Hypothesis {
     pub(super) pose: Pose,
     pub(super) minimum: Option<Minimum>,
     pub(super) fit: ContourFit,
     pub(super) posterior: Option<Posterior>,
-    /// Covariance of the left increment, once it is asked for.
+    /// Covariance of the left increment, computed on demand.
     pub(super) covariance: OnceCell<Matrix6<f64>>,
-    /// How each projected region covers the observed one, once it is asked for.
+    /// How each projected region covers the observed one, computed on demand.
     pub(super) overlaps: OnceCell<Vec<OverlapAreas>>,
-    /// What counts against it: how much worse than the best it fits, and the prior, in variances.
+    /// Its penalty, in variances: its deviance from the best fit plus that of the prior.
     pub(super) deviance: f64,
 }
 
 impl Hypothesis {
-    /// The answer of its samples about the problem's origin, its covariance and how far contours are blurred and grown, pixels.
+    /// The posterior mean of its samples about the problem's origin, its covariance and the sigma of labels and dilations, pixels.
     pub(super) fn answer(&self) -> Option<(Pose, Matrix6<f64>, f64)> {
         let Posterior { pose, covariance, noise, .. } = self.posterior.as_ref()?;
         Some((*pose, *covariance, noise.label.hypot(noise.dilation)))
     }
 
-    /// A place against which nothing counts yet.
+    /// A hypothesis without a penalty.
     pub(super) fn new(pose: Pose, minimum: Option<Minimum>, fit: ContourFit) -> Self {
         let (covariance, overlaps) = (OnceCell::new(), OnceCell::new());
         Self { pose, minimum, fit, posterior: None, covariance, overlaps, deviance: 0.0 }
@@ -75,7 +75,7 @@ impl Hypothesis {
         regions.map(|((factor, place), is_scanned)| RegionFactor { factor, place, is_scanned }).collect()
     }
 
-    /// How much worse another place fits, in variances: by the contours, and by the moments where they decide.
+    /// Deviance of another hypothesis, in variances: by the contours, and by the moments where they decide.
     pub(super) fn deviance_to(&self, other: &Self, problem: &Problem, numbers: f64) -> f64 {
         if !apart(&self.fit.pose, &other.fit.pose, 0.0) {
             return 0.0;
@@ -90,7 +90,7 @@ impl Hypothesis {
         }
     }
 
-    /// Which of this place and another each region belongs to, by the contours where these decide.
+    /// Which of this hypothesis and another each region prefers, by the contours where these decide.
     pub(super) fn region_preferences(&self, other: &Self) -> Vec<RegionPreference> {
         match (&self.posterior, &other.posterior) {
             (None, None) => self.fit.region_preferences(&other.fit),
@@ -98,7 +98,7 @@ impl Hypothesis {
         }
     }
 
-    /// What the fit shows of the pose; `ambiguous` where others fit as well.
+    /// Features of the fit for the confidence; `ambiguous` where others fit as well.
     pub(super) fn evidence(&self, problem: &Problem, ambiguous: bool) -> Evidence {
         let (covariance, overlaps) = (self.covariance(problem), self.overlaps(problem));
         match &self.posterior {
@@ -114,7 +114,7 @@ impl Hypothesis {
         }
     }
 
-    /// What places are sorted by: the moments' cost, or how unlikely the contours are.
+    /// Cost by which hypotheses are sorted: that of the moments, or the negative log likelihood of the contours.
     pub(super) fn cost(&self) -> f64 {
         self.minimum.as_ref().map_or(-self.fit.mixture.likelihood, |minimum| minimum.cost)
     }

@@ -16,8 +16,8 @@ use crate::search::poses::sorted;
 /// pieces lie (`cargo test symmetry::`).
 const TIE: f64 = 0.6;
 
-/// The places that fit about as well as the best once the prior is weighed in, best first, and what counts against each
-/// (`docs/math.md`, eq. 10.6).
+/// The hypotheses that fit about as well as the best with the prior's penalty, best first, each with its penalty (`docs/math.md`,
+/// eq. 10.6).
 ///
 /// An initial pose without an uncertainty chooses the first among them.
 pub(super) fn likely(problem: &Problem, hypotheses: Vec<Hypothesis>, prior: &Prior) -> Vec<Hypothesis> {
@@ -37,7 +37,7 @@ pub(super) fn likely(problem: &Problem, hypotheses: Vec<Hypothesis>, prior: &Pri
     );
     let least = hypotheses.first().map_or(0.0, |best| best.deviance);
     hypotheses.retain(|hypothesis| hypothesis.deviance <= least + AMBIGUITY);
-    // Sorting is stable: what the prior does not decide, the fit does, and the rotation where that does not either.
+    // Sorting is stable: ties of the prior are in order of the fit, and ties of that in order of the rotation.
     if let Some(best) = hypotheses.first().cloned() {
         let ties = |hypothesis: &Hypothesis| {
             hypothesis.deviance == least
@@ -54,7 +54,7 @@ pub(super) fn likely(problem: &Problem, hypotheses: Vec<Hypothesis>, prior: &Pri
         .collect()
 }
 
-/// The places, the likeliest first.
+/// The hypotheses, the likeliest first.
 fn by_deviance(hypotheses: Vec<Hypothesis>) -> Vec<Hypothesis> {
     sorted(hypotheses.into_iter().map(|hypothesis| (hypothesis.deviance, hypothesis)).collect())
         .into_iter()
@@ -62,8 +62,8 @@ fn by_deviance(hypotheses: Vec<Hypothesis>) -> Vec<Hypothesis> {
         .collect()
 }
 
-/// The places that fit about as well as the best, with the share and the confidence of each, if any place found is the place, the
-/// largest confidence first, but where the prior has chosen.
+/// The hypotheses that fit about as well as the best, with the posterior probability and the confidence of each, given that one of
+/// them is right; the largest confidence first, unless the prior chooses.
 pub(super) fn stated(hypotheses: Vec<Hypothesis>, prior: &Prior) -> Vec<(Hypothesis, [f64; 2])> {
     let Some(best) = hypotheses.first() else { return Vec::new() };
     let deviance: Vec<f64> = hypotheses.iter().map(|hypothesis| hypothesis.deviance).collect();
@@ -82,13 +82,12 @@ pub(super) fn stated(hypotheses: Vec<Hypothesis>, prior: &Prior) -> Vec<(Hypothe
     hypotheses
 }
 
-/// Whether an initial pose without an uncertainty chooses among what fits alike.
+/// Whether an initial pose without an uncertainty chooses among equivalent hypotheses.
 fn chooses(prior: &Prior) -> bool {
     prior.initial.is_some() && prior.initial_sigma.is_none()
 }
 
-/// Where a pose comes among those that fit equally: by its rotation vector, in steps that round-off does not cross but by
-/// chance.
+/// Sort key of poses that fit equally: the rotation vector, in steps that round-off rarely crosses.
 fn order(pose: &Pose) -> [i64; 3] {
     let turn = pose.rotation.scaled_axis();
     [turn.x, turn.y, turn.z].map(|component| (component / SAME_PLACE).round() as i64)

@@ -10,7 +10,7 @@ use crate::samples::posterior::Posterior;
 /// Overlap error above which a solution does not count as solved (paper section 3).
 pub(super) const POOR_OVERLAP: f64 = 0.05;
 
-/// Probability of a pose above which a region that is seen elsewhere is not warned of; every pose of less has a warning. Above 0.95,
+/// Probability of a pose above which a region that is seen elsewhere has no warning; every pose of less has one. Above 0.95,
 /// 3 of 10,008 poses are wrong without a warning, above 0.97 none is, and 9 right ones more have one
 /// (`regionpose evaluate trust --scenes 556`).
 pub const TRUSTED: f64 = 0.97;
@@ -23,9 +23,9 @@ pub struct Solution {
     pub pose: Pose,
     /// The minimum of the moments' equations; `None` where the pose was refined on the contours.
     pub minimum: Option<Minimum>,
-    /// What the contours show at the pose.
+    /// The fit of the contours at the pose.
     pub fit: ContourFit,
-    /// What the samples show there; `None` where no region has any.
+    /// The posterior of the samples; `None` where no region has any.
     pub posterior: Option<Posterior>,
     /// Area of the symmetric difference over the observed area, all regions together (the paper's delta).
     pub overlap_error: f64,
@@ -37,7 +37,7 @@ pub struct Solution {
     pub focal_shift: Tangent,
     /// Probability that the true pose is within 5 degrees (`docs/math.md`, section 15).
     pub confidence: f64,
-    /// Probability that this answer is the place, each answer being one of its own.
+    /// Posterior probability of this mode; nearby modes count separately.
     pub mode_probability: f64,
 }
 

@@ -5,18 +5,18 @@ use nalgebra::Vector3;
 use crate::equations::least_squares::Termination;
 use crate::geometry::pose::Pose;
 
-/// What a user has to know before trusting a pose. Lengths are meters, axes the camera's.
+/// A reason not to trust a pose as it is. Lengths are meters, axes the camera's.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Warning {
     /// Other poses fit as well.
     Ambiguous {
-        /// From the best pose to each of the others, the nearest first.
+        /// Relative poses from the best one to each of the others, the nearest first.
         others: Vec<RelativePose>,
     },
     /// The search or its least squares did not end at a minimum.
     NotConverged {
-        /// Why it ended.
+        /// What ended it.
         termination: Termination,
     },
     /// No pose was found from the samples of regions: it is that of their outlines, by which they are judged.
@@ -28,7 +28,7 @@ pub enum Warning {
         /// Overlap error in percent.
         percent: f64,
     },
-    /// A region's contour lies nowhere where the others put it.
+    /// A region contradicts the pose that the others support.
     OutlierRegion {
         /// The region.
         region: usize,
@@ -37,7 +37,7 @@ pub enum Warning {
         /// The same of the other regions.
         others: f64,
     },
-    /// A region's contour lies nowhere where a pose that fits alike puts it.
+    /// A region contradicts another pose that fits alike.
     AmbiguousRegion {
         /// The region.
         region: usize,
@@ -101,7 +101,7 @@ pub enum Warning {
 }
 
 impl Warning {
-    /// A short name that stays the same from version to version.
+    /// A short name that is stable across versions.
     pub fn code(&self) -> &'static str {
         match self {
             Self::Ambiguous { .. } => "ambiguous-pose",
@@ -131,7 +131,7 @@ impl Warning {
     }
 }
 
-/// From one pose to another.
+/// The motion from one pose to another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RelativePose {
     /// Turn, degrees.
@@ -143,7 +143,7 @@ pub struct RelativePose {
 }
 
 impl RelativePose {
-    /// From a pose to another: the turn in the camera's axes, and how far the camera goes.
+    /// The motion from a pose to another: the turn in the camera's axes, and the distance between both places.
     pub(super) fn between(from: &Pose, to: &Pose) -> Self {
         let increment = from.local_coordinates(to);
         let (turn, shift) = (increment.fixed_rows::<3>(0).into_owned(), increment.fixed_rows::<3>(3).norm());
@@ -151,7 +151,7 @@ impl RelativePose {
     }
 }
 
-/// What makes a geometry weak.
+/// A cause of weak geometry.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Cause {
