@@ -206,8 +206,8 @@ impl Prior {
             add_block(&mut factor, 0, &Matrix3::identity(), &turn, sigma.rotation);
             add_place(&mut factor, pose, &initial.inverse().translation, sigma.place);
         }
-        if let Some((turn, seen)) = self.turn_to_up(pose) {
-            let across = Matrix3::identity() - seen * seen.transpose();
+        if let Some((turn, up_in_camera)) = self.turn_to_up(pose) {
+            let across = Matrix3::identity() - up_in_camera * up_in_camera.transpose();
             add_block(&mut factor, 0, &across, &turn, self.up_sigma.unwrap_or(UP_SIGMA));
         }
         if let Some((near, sigma)) = self.place() {
@@ -230,11 +230,11 @@ impl Prior {
 
     /// The rotation vector of the least turn that brings up to the image's up, and where up is seen, a unit vector.
     fn turn_to_up(&self, pose: &Pose) -> Option<(Vector3<f64>, Vector3<f64>)> {
-        let seen = pose.rotation * self.up?.try_normalize(0.0)?;
-        let axis = -seen.cross(&Vector3::y());
+        let up_in_camera = pose.rotation * self.up?.try_normalize(0.0)?;
+        let axis = -up_in_camera.cross(&Vector3::y());
         // Opposite to up every axis square to it will do.
         let axis = axis.try_normalize(0.0).unwrap_or_else(Vector3::x);
-        Some((axis * seen.angle(&-Vector3::y()), seen))
+        Some((axis * up_in_camera.angle(&-Vector3::y()), up_in_camera))
     }
 
     /// How far the up direction is from the image's; `None` without one.

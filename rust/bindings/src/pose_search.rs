@@ -45,8 +45,8 @@ impl Projection {
 
     /// Pixels (n, 2) of bearings (n, 3), NaN where the camera sees none.
     fn project<'py>(&self, py: Python<'py>, bearings: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let seen = |bearing: &Vector3<f64>| self.0.pixel_of(bearing).unwrap_or(Vector2::repeat(f64::NAN));
-        let pixels: Vec<_> = points::<3>("bearings", bearings)?.iter().map(seen).collect();
+        let project = |bearing: &Vector3<f64>| self.0.pixel_of(bearing).unwrap_or(Vector2::repeat(f64::NAN));
+        let pixels: Vec<_> = points::<3>("bearings", bearings)?.iter().map(project).collect();
         array(py, &pixels)
     }
 }
@@ -148,7 +148,7 @@ impl AlignmentFrame {
     }
 
     /// Pixels (n, 2) of the photo at which edges are seen at a pose, and the numbers (n,) of the directions across them.
-    fn seen<'py>(
+    fn project<'py>(
         &self,
         py: Python<'py>,
         rotation: &Bound<'py, PyAny>,

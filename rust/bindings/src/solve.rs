@@ -27,7 +27,7 @@ use crate::prior::Prior;
 use crate::regions::{ObservedRegion, WorldRegion};
 use crate::warnings::{WarningFields, warning_fields};
 
-fn unknown(option: &str, found: &str, needed: &str) -> PyErr {
+fn invalid_option(option: &str, found: &str, needed: &str) -> PyErr {
     PyValueError::new_err(format!("{option} is {found:?}; it needs to be {needed}"))
 }
 
@@ -35,7 +35,7 @@ fn parsed_system(name: &str) -> PyResult<System> {
     match name {
         "plane" => Ok(System::Plane),
         "sphere" => Ok(System::Sphere),
-        other => Err(unknown("system", other, "\"plane\" or \"sphere\"")),
+        other => Err(invalid_option("system", other, "\"plane\" or \"sphere\"")),
     }
 }
 
@@ -47,7 +47,7 @@ fn parsed_integration(name: &str, mesh_size: Option<f64>) -> PyResult<Integratio
         }
         ("boundary", None) => Ok(Integration::Boundary),
         ("pixels", None) => Ok(Integration::Pixels),
-        (other, _) => Err(unknown("integration", other, "\"boundary\", \"mesh\" or \"pixels\"")),
+        (other, _) => Err(invalid_option("integration", other, "\"boundary\", \"mesh\" or \"pixels\"")),
     }
 }
 
@@ -55,7 +55,7 @@ fn parsed_start(name: &str) -> PyResult<Start> {
     match name {
         "global" => Ok(Start::Global),
         "paper" => Ok(Start::Paper),
-        other => Err(unknown("start", other, "\"global\" or \"paper\"")),
+        other => Err(invalid_option("start", other, "\"global\" or \"paper\"")),
     }
 }
 
@@ -63,7 +63,7 @@ fn parsed_refinement(name: Option<&str>) -> PyResult<Refinement> {
     match name {
         None => Ok(Refinement::Off),
         Some("contour") => Ok(Refinement::Contour),
-        Some(other) => Err(unknown("refine", other, "\"contour\" or None")),
+        Some(other) => Err(invalid_option("refine", other, "\"contour\" or None")),
     }
 }
 

@@ -76,8 +76,8 @@ impl Frame {
         if budget::is_canceled() {
             return (0.0, 0);
         }
-        let (sum, count, looked_at) = vectorized(Sum { frame: self, pose, spread });
-        budget::charge(looked_at);
+        let (sum, count, evaluated) = vectorized(Sum { frame: self, pose, spread });
+        budget::charge(evaluated);
         (sum, count)
     }
 
@@ -87,8 +87,8 @@ impl Frame {
         if budget::is_canceled() {
             return seen;
         }
-        let looked_at = vectorized(Find { pose, seen: &mut seen });
-        budget::charge(looked_at);
+        let evaluated = vectorized(Find { pose, seen: &mut seen });
+        budget::charge(evaluated);
         seen
     }
 
@@ -113,15 +113,15 @@ impl NullaryFnOnce for Sum<'_> {
     fn call(self) -> Self::Output {
         let Self { frame, pose, spread } = self;
         let local = Local::new(pose, &frame.origin);
-        let (mut sum, mut count, mut looked_at) = (0.0, 0, 0);
+        let (mut sum, mut count, mut evaluated) = (0.0, 0, 0);
         for group in frame.edges[spread].within(&local.pose, frame.cone()) {
             let (pixels, ways) = frame.view.seen(&local, group);
             let around = frame.view.pictures[spread].around(&pixels, &directions_of(&ways));
             sum += total(&around.values(), &around.shown);
             count += around.count();
-            looked_at += group.count;
+            evaluated += group.count;
         }
-        (sum, count, looked_at)
+        (sum, count, evaluated)
     }
 }
 
@@ -139,7 +139,7 @@ impl NullaryFnOnce for Find<'_, '_> {
         let Self { pose, seen } = self;
         let frame = seen.frame;
         let local = Local::new(pose, &frame.origin);
-        let mut looked_at = 0;
+        let mut evaluated = 0;
         for group in frame.edges[seen.spread].within(&local.pose, frame.cone()) {
             let (pixels, ways) = frame.view.seen(&local, group);
             let directions = directions_of(&ways);
@@ -148,9 +148,9 @@ impl NullaryFnOnce for Find<'_, '_> {
                     seen.push([0, 1, 2].map(|axis| group.middles[axis][edge]), directions[edge]);
                 }
             }
-            looked_at += group.count;
+            evaluated += group.count;
         }
-        looked_at
+        evaluated
     }
 }
 

@@ -71,10 +71,10 @@ impl Boundary {
     }
 
     /// The vertices along a chart's axes and on its plane z = 1.
-    pub(super) fn seen(&self, chart_from_world: &Pose) -> Seen<'_> {
+    pub(super) fn projected(&self, chart_from_world: &Pose) -> ProjectedBoundary<'_> {
         let mut vertices = vectorized(Projected(&self.groups, chart_from_world));
         vertices.truncate(self.next.len());
-        Seen { boundary: self, vertices }
+        ProjectedBoundary { boundary: self, vertices }
     }
 }
 
@@ -110,12 +110,12 @@ impl NullaryFnOnce for Projected<'_> {
         };
         let rows = (row(0), row(1), row(2));
         let mut vertices = vec![Vertex::default(); LANES * self.0.len()];
-        for (seen, &[x, y, z]) in vertices.as_chunks_mut().0.iter_mut().zip(self.0) {
+        for (chart_vertex, &[x, y, z]) in vertices.as_chunks_mut().0.iter_mut().zip(self.0) {
             let along = |(a, b, c, d): (Lanes, Lanes, Lanes, Lanes)| a * x + b * y + c * z + d;
             let (px, py, pz) = (along(rows.0), along(rows.1), along(rows.2));
             let (u, v) = (px / pz, py / pz);
             let vertex = |k: usize| Vertex { at: [px.0[k], py.0[k], pz.0[k]], flat: [u.0[k], v.0[k]] };
-            *seen = [vertex(0), vertex(1), vertex(2), vertex(3)];
+            *chart_vertex = [vertex(0), vertex(1), vertex(2), vertex(3)];
         }
         vertices
     }
@@ -129,12 +129,12 @@ struct Vertex {
 }
 
 /// A boundary's vertices as a chart sees them.
-pub(super) struct Seen<'a> {
+pub(super) struct ProjectedBoundary<'a> {
     boundary: &'a Boundary,
     vertices: Vec<Vertex>,
 }
 
-impl Seen<'_> {
+impl ProjectedBoundary<'_> {
     /// The number of vertices, and of edges.
     pub(super) fn count(&self) -> usize {
         self.boundary.count()

@@ -97,16 +97,17 @@ fn shared_edge(first: &RegionEquations, sides: [&[Side]; 2]) -> Option<Side> {
     };
     let length = |part: &[Vector2<f64>; 2]| (part[1] - part[0]).norm();
     // No part of a shorter side is long enough.
-    let seen = |side: &Side| Some([in_pixels(&side[0])?, in_pixels(&side[1])?]).filter(|side| length(side) >= SHORTEST);
+    let in_chart =
+        |side: &Side| Some([in_pixels(&side[0])?, in_pixels(&side[1])?]).filter(|side| length(side) >= SHORTEST);
     budget::charge(sides[0].len() + sides[1].len());
-    let [own, others] = sides.map(|sides| sides.iter().filter_map(seen).collect::<Vec<_>>());
-    let others = EdgeBoxes::new(others);
+    let [own, other_sides] = sides.map(|sides| sides.iter().filter_map(in_chart).collect::<Vec<_>>());
+    let other_sides = EdgeBoxes::new(other_sides);
     let mut longest: Option<[Vector2<f64>; 2]> = None;
     for side in &own {
         // What runs beside it is no farther from it anywhere than what is shared may be.
         let (low, high) = (side[0].inf(&side[1]).add_scalar(-SHARED), side[0].sup(&side[1]).add_scalar(SHARED));
         let is_near = |other: &Corners| (0..2).all(|axis| other[0][axis] <= high[axis] && other[1][axis] >= low[axis]);
-        others.for_each_near(is_near, |_, other| {
+        other_sides.for_each_near(is_near, |_, other| {
             let part = shared_part(side, &other);
             if part.is_some_and(|part| longest.is_none_or(|longest| length(&part) >= length(&longest))) {
                 longest = part;

@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 
-use super::boundary::{Boundary, Edge, Edges, Foot, Seen};
+use super::boundary::{Boundary, Edge, Edges, Foot, ProjectedBoundary};
 use super::pieces::{self, Piece, pieces};
 use crate::budget;
 use crate::equations::normal_equations::{NormalEquations, WeightedRow};
@@ -211,7 +211,7 @@ impl Contour {
 
     /// Counts the vertices that a view projects, and the pieces that are read against it.
     fn count_work(&self, view: &View<'_>, step: usize) {
-        budget::charge(view.seen.count() + EDGES_OF_PIECE * self.count(step));
+        budget::charge(view.boundary.count() + EDGES_OF_PIECE * self.count(step));
     }
 
     /// Whether the projected boundary is in view at a pose.
@@ -228,12 +228,12 @@ impl Contour {
     /// border cuts not at all.
     fn view(&self, pose: &Pose) -> Option<View<'_>> {
         let chart_from_world = Pose::new(self.rotation * pose.rotation, self.rotation * pose.translation);
-        let seen = self.boundary.seen(&chart_from_world);
+        let boundary = self.boundary.projected(&chart_from_world);
         let sight = self.plane.as_ref().map(|(plane, _)| Sight::new(plane, &chart_from_world));
         let sight = sight.filter(|sight| sight.slant > OBLIQUE);
-        match seen.is_before_camera() {
-            true => Some(View { seen, sight, edges: OnceCell::new() }),
-            false if self.cut => Some(View { edges: Edges::new(seen.edges_before()?).into(), seen, sight }),
+        match boundary.is_before_camera() {
+            true => Some(View { boundary, sight, edges: OnceCell::new() }),
+            false if self.cut => Some(View { edges: Edges::new(boundary.edges_before()?).into(), boundary, sight }),
             false => None,
         }
     }
@@ -280,10 +280,10 @@ impl Contour {
     fn derivative(&self, edge: &Edge, foot: &Foot) -> Vector6<f64> {
         // The point of the edge in space that is seen at the foot.
         let weight = foot.share * edge.from.z / (foot.share * edge.from.z + (1.0 - foot.share) * edge.to.z);
-        let seen = edge.from.lerp(&edge.to, weight);
-        let n = foot.normal * (self.pixels / seen.z);
-        let moving = Vector3::new(-n.x, -n.y, (n.x * seen.x + n.y * seen.y) / seen.z);
-        let turning = seen.cross(&moving);
+        let point = edge.from.lerp(&edge.to, weight);
+        let n = foot.normal * (self.pixels / point.z);
+        let moving = Vector3::new(-n.x, -n.y, (n.x * point.x + n.y * point.y) / point.z);
+        let turning = point.cross(&moving);
         Vector6::new(turning.x, turning.y, turning.z, moving.x, moving.y, moving.z)
     }
 }
@@ -295,7 +295,7 @@ fn scaled(pieces: Vec<Piece>, scale: f64) -> Vec<Piece> {
 
 /// A projected boundary.
 struct View<'a> {
-    seen: Seen<'a>,
+    boundary: ProjectedBoundary<'a>,
     sight: Option<Sight>,
     /// All edges, of a cut boundary what lies before the camera of them, or once they are asked for.
     edges: OnceCell<Edges>,
@@ -303,11 +303,11 @@ struct View<'a> {
 
 impl View<'_> {
     fn edge(&self, index: usize) -> Edge {
-        self.edges.get().map_or_else(|| self.seen.edge(index), |edges| edges[index])
+        self.edges.get().map_or_else(|| self.boundary.edge(index), |edges| edges[index])
     }
 
     fn edges(&self) -> &Edges {
-        self.edges.get_or_init(|| Edges::new(self.seen.edges().collect()))
+        self.edges.get_or_init(|| Edges::new(self.boundary.edges().collect()))
     }
 }
 

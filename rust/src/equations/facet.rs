@@ -227,10 +227,10 @@ impl Facet {
     /// behind, where the rings are turned round.
     pub fn clipped(&self, chart_from_world: &Pose, chart: &Chart, border: &Border) -> (Clipped, f64) {
         let Shape::Rings(rings) = &self.shape else { return (Clipped::default(), 1.0) };
-        let seen = |ring: &SpaceRing| {
+        let project = |ring: &SpaceRing| {
             projected_before(&ring.vertices.iter().map(|x| chart_from_world.transform(x)).collect::<Vec<_>>(), chart)
         };
-        border.clipped(rings.iter().map(seen).collect())
+        border.clipped(rings.iter().map(project).collect())
     }
 
     /// Signed moments on the sphere along the chart's axes; `None` where a vertex lies at the camera.
@@ -238,9 +238,9 @@ impl Facet {
         match &self.shape {
             Shape::Rings(rings) => {
                 let bearing = |x: &Vector3<f64>| chart_from_world.transform(x).try_normalize(f64::MIN_POSITIVE);
-                let seen: Vec<Vec<_>> =
+                let directions: Vec<Vec<_>> =
                     rings.iter().map(|ring| ring.vertices.iter().map(bearing).collect()).collect::<Option<_>>()?;
-                Some(spherical_moments(seen.iter().map(Vec::as_slice), order))
+                Some(spherical_moments(directions.iter().map(Vec::as_slice), order))
             }
             Shape::Triangles { vertices, triangles } => {
                 let moved: Vec<_> = vertices.iter().map(|x| chart_from_world.transform(x)).collect();

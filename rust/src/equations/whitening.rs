@@ -203,8 +203,8 @@ fn column_of(numbers: &[f64; MOST_EQUATIONS]) -> Column {
 /// Takes a share of another column off one.
 #[inline(always)]
 fn subtract(column: &mut Column, other: &Column, share: f64) {
-    for (entries, others) in column.iter_mut().zip(other) {
-        *entries = *entries - Lanes::splat(share) * *others;
+    for (entries, other_entries) in column.iter_mut().zip(other) {
+        *entries = *entries - Lanes::splat(share) * *other_entries;
     }
 }
 

@@ -164,8 +164,8 @@ fn paths(rings: &[Vec<Point>], crossings: &[Crossing], side: usize, holds: impl 
     for ring in rings {
         end += ring.len();
         let count = rest.partition_point(|event| event.at.0 < end);
-        let (along, others) = rest.split_at_mut(count);
-        rest = others;
+        let (along, remaining) = rest.split_at_mut(count);
+        rest = remaining;
         let begins_inside = ring.first().is_some_and(|&point| holds(point));
         if begins_inside && along.is_empty() {
             paths.closed.push(ring.clone());

@@ -36,7 +36,7 @@ pub struct EdgeField {
     /// Size of a cell.
     cell: Vector2<f64>,
     /// Points that fell into each cell, up to [`FIRST_POINTS`].
-    seen: [AtomicU8; CELLS * CELLS],
+    visits: [AtomicU8; CELLS * CELLS],
     /// Those of each cell, once more than a few points fell into one.
     candidates: OnceLock<Box<[Candidates]>>,
 }
@@ -116,10 +116,10 @@ impl NullaryFnOnce for NearestAmong<'_> {
         let point = in_lanes(self.1);
         let (mut squares, mut places) = (Lanes::splat(f64::INFINITY), [0; LANES]);
         for (place, (few, _)) in self.0.iter().enumerate() {
-            let others = few.squares(&point);
+            let next_squares = few.squares(&point);
             for (lane, first) in places.iter_mut().enumerate() {
-                let nearer = others.0[lane] < squares.0[lane];
-                squares.0[lane] = if nearer { others.0[lane] } else { squares.0[lane] };
+                let nearer = next_squares.0[lane] < squares.0[lane];
+                squares.0[lane] = if nearer { next_squares.0[lane] } else { squares.0[lane] };
                 *first = if nearer { place } else { *first };
             }
         }
@@ -263,8 +263,8 @@ impl EdgeField {
         let cell = (high - low + room * 2.0) / CELLS as f64;
         let groups = edges.chunks(GROUP).map(Group::of).collect();
         let boxes = edges.chunks(GROUP * LANES).map(Boxes::of).collect();
-        let seen = [const { AtomicU8::new(0) }; CELLS * CELLS];
-        Self { edges, groups, boxes, origin: low - room, cell, seen, candidates: OnceLock::new() }
+        let visits = [const { AtomicU8::new(0) }; CELLS * CELLS];
+        Self { edges, groups, boxes, origin: low - room, cell, visits, candidates: OnceLock::new() }
     }
 
     /// The edges that may be nearest to a point of a cell: those that are farther from its middle than the nearest by no more
@@ -299,10 +299,10 @@ impl EdgeField {
 
     /// Whether more than a few points fell into a cell.
     fn is_busy(&self, cell: usize) -> bool {
-        let seen = &self.seen[cell];
-        let count = seen.load(Ordering::Relaxed);
+        let visits = &self.visits[cell];
+        let count = visits.load(Ordering::Relaxed);
         if count < FIRST_POINTS {
-            seen.store(count + 1, Ordering::Relaxed);
+            visits.store(count + 1, Ordering::Relaxed);
         }
         count == FIRST_POINTS
     }

@@ -18,13 +18,13 @@ use crate::view::chart::Chart;
 /// 3 to 8 choose the turns; each affine map is the first-order view of two poses. `origin` is the world point relative to
 /// which the poses take world coordinates. Symmetric shapes give candidates for each symmetry.
 pub fn closed_form(chart: &Chart, outline: &PlaneRings, world: &WorldRegion, origin: &Vector3<f64>) -> Vec<Pose> {
-    let (Some(seen), Some(model)) = (NormalizedShape::of(outline.rings()), world.shape()) else {
+    let (Some(observed), Some(model)) = (NormalizedShape::of(outline.rings()), world.shape()) else {
         return Vec::new();
     };
-    let Some(back) = seen.transform.try_inverse() else { return Vec::new() };
-    let target = seen.mean / chart.scale;
+    let Some(back) = observed.transform.try_inverse() else { return Vec::new() };
+    let target = observed.mean / chart.scale;
     let mut poses = Vec::new();
-    for turn in turns(&seen, model) {
+    for turn in turns(&observed, model) {
         let affine = back * turn.matrix() * model.transform / chart.scale;
         for (rotation, depth) in two_fold(&affine) {
             let chart_from_plane = Pose::new(rotation, Vector3::new(target.x, target.y, 1.0) * depth);
@@ -153,8 +153,8 @@ impl Turn {
 
 /// The turns that bring the model's moments near the observed ones: local minima of the difference, with and without a mirror. Perspective
 /// and noise disturb right and wrong ones alike.
-fn turns(seen: &NormalizedShape, model: &NormalizedShape) -> Vec<Turn> {
-    [false, true].into_iter().flat_map(|mirrored| Difference::new(seen, model, mirrored).local_minima()).collect()
+fn turns(observed: &NormalizedShape, model: &NormalizedShape) -> Vec<Turn> {
+    [false, true].into_iter().flat_map(|mirrored| Difference::new(observed, model, mirrored).local_minima()).collect()
 }
 
 /// Highest winding of the moments that are compared.
@@ -170,10 +170,10 @@ struct Difference {
 }
 
 impl Difference {
-    fn new(seen: &NormalizedShape, model: &NormalizedShape, mirrored: bool) -> Self {
-        let mut constant = seen.power() + model.power();
+    fn new(observed: &NormalizedShape, model: &NormalizedShape, mirrored: bool) -> Self {
+        let mut constant = observed.power() + model.power();
         let mut coefficients = [Complex::new(0.0, 0.0); WINDINGS];
-        for (s, m) in seen.moments.iter().zip(&model.moments) {
+        for (s, m) in observed.moments.iter().zip(&model.moments) {
             let value = if mirrored { m.value.conj() } else { m.value };
             let product = s.value.conj() * value * (2.0 * s.share());
             match s.winding {

@@ -91,9 +91,9 @@ pub fn is_plausible(area: f64) -> bool {
 pub fn projected_area(chart: &Chart, rings: &[Vec<Vector3<f64>>], pose: &Pose) -> Option<f64> {
     let mut area = 0.0;
     for ring in rings {
-        let seen: Vec<_> = ring.iter().map(|x| chart.project(&pose.transform(x))).collect::<Option<_>>()?;
-        let next = seen.iter().cycle().skip(1);
-        area += seen.iter().zip(next).map(|(a, b)| a.perp(b)).sum::<f64>() / 2.0;
+        let projected: Vec<_> = ring.iter().map(|x| chart.project(&pose.transform(x))).collect::<Option<_>>()?;
+        let next = projected.iter().cycle().skip(1);
+        area += projected.iter().zip(next).map(|(a, b)| a.perp(b)).sum::<f64>() / 2.0;
     }
     Some(area.abs())
 }
@@ -112,9 +112,9 @@ pub fn triangle_poses(
     if corners.len() != 3 {
         return Vec::new();
     }
-    let seen = observed_corners(outline, pixel);
-    let [seen] = seen.as_slice() else { return Vec::new() };
-    let [a, b, c] = seen.as_slice() else { return Vec::new() };
+    let image_corners = observed_corners(outline, pixel);
+    let [image_corners] = image_corners.as_slice() else { return Vec::new() };
+    let [a, b, c] = image_corners.as_slice() else { return Vec::new() };
     let pairings = [false, true].into_iter().flat_map(|backwards| triples(corners, 1, backwards));
     pairings.flat_map(|triple| posed(chart, origin, &[*a, *b, *c], &triple)).collect()
 }

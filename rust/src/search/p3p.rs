@@ -19,10 +19,10 @@ const HALF_THE_DIGITS: f64 = 1.0 / (1_u64 << (f64::MANTISSA_DIGITS / 2)) as f64;
 pub fn three_point_poses(points: &[Vector3<f64>; 3], bearings: &[Vector3<f64>; 3]) -> Vec<Pose> {
     let Some(world) = axes(points) else { return Vec::new() };
     let posed = |depths: Vector3<f64>| {
-        let seen = [0, 1, 2].map(|k| bearings[k] * depths[k]);
-        let rotation = Rotation3::from_matrix_unchecked(axes(&seen)? * world.transpose());
+        let in_camera = [0, 1, 2].map(|k| bearings[k] * depths[k]);
+        let rotation = Rotation3::from_matrix_unchecked(axes(&in_camera)? * world.transpose());
         let middle = |x: &[Vector3<f64>; 3]| (x[0] + x[1] + x[2]) / 3.0;
-        Some(Pose::new(rotation, middle(&seen) - rotation * middle(points)))
+        Some(Pose::new(rotation, middle(&in_camera) - rotation * middle(points)))
     };
     depths(points, bearings).into_iter().filter_map(posed).collect()
 }

@@ -41,8 +41,8 @@ pub(super) fn within_ambiguity(problem: &Problem, fits: Vec<ContourFit>, prior: 
     let Some(best) = fits.next() else { return Vec::new() };
     // By all pieces: with the degrees of freedom of the noise alone, more candidates follow, and of 120 problems with two of three
     // regions swapped two end at a wrong pose in place of the right one (`benchmarks/confidence.py`).
-    let others: Vec<ContourFit> = fits.filter(|fit| best.deviance_to(fit, f64::INFINITY) <= limit).collect();
-    iter::once(best).chain(others).collect()
+    let pruned: Vec<ContourFit> = fits.filter(|fit| best.deviance_to(fit, f64::INFINITY) <= limit).collect();
+    iter::once(best).chain(pruned).collect()
 }
 
 /// The fits that could be as likely as the best, each once.

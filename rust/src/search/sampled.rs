@@ -78,16 +78,16 @@ impl Problem {
     fn posteriors_with(&self, starts: &[Pose], prior: &Prior) -> Vec<Posterior> {
         let (outlined, guessed) = (self.outlined(), self.guessed());
         let creases = self.creases();
-        let others = |pose: &Pose| {
+        let factor_at = |pose: &Pose| {
             let factor = prior.gaussian(&self.uncentered(pose)) + outlines(&outlined, pose);
             let factor = factor + outlines_beside_samples(&guessed, pose, self.coarse_stride());
             creases.iter().fold(factor, |sum, crease| sum + crease.gaussian(pose))
         };
         let mut visited = VisitedStates::default();
-        let mut found = self.posteriors_near(starts, &[], &others, &mut visited);
+        let mut found = self.posteriors_near(starts, &[], &factor_at, &mut visited);
         if !found.iter().any(is_found) {
             let further = further_poses(self, &single_region_poses(self, &mut SingleRegionCache::default()));
-            found.extend(self.posteriors_near(&further, &[], &others, &mut visited));
+            found.extend(self.posteriors_near(&further, &[], &factor_at, &mut visited));
         }
         let mut last_refined: Option<(f64, Pose)> = None;
         // A symmetric shape fits from several places, of which the starts may have missed one, and sparse samples hold some on
@@ -100,7 +100,7 @@ impl Problem {
             let cost = |pose: &Pose| -log_likelihood(regions, pose, COARSE_SIGMA, step);
             let turned = turned_about(self, &best, cost, MAX_DEFICIT);
             let starts: Vec<Pose> = turned.into_iter().chain(beside(&best)).collect();
-            found.extend(self.posteriors_near(&starts, &found, &others, &mut visited));
+            found.extend(self.posteriors_near(&starts, &found, &factor_at, &mut visited));
             last_refined = Some((log_evidence, best));
         }
         modes(found)
@@ -111,11 +111,11 @@ impl Problem {
         &self,
         starts: &[Pose],
         found: &[Posterior],
-        others: &impl Fn(&Pose) -> Gaussian,
+        factor_at: &impl Fn(&Pose) -> Gaussian,
         visited: &mut VisitedStates,
     ) -> Vec<Posterior> {
         let (regions, step) = (self.sampled(), subsample_stride(self.sampled()));
-        let cost = |pose: &Pose| -log_likelihood(regions, pose, ROUGH, step) - others(pose).offset;
+        let cost = |pose: &Pose| -log_likelihood(regions, pose, ROUGH, step) - factor_at(pose).offset;
         let scored = starts.iter().map(|pose| (cost(pose), *pose)).collect();
         let starts = distinct(scored, MOST_STARTS, CONVERGENCE_RADIUS, |pose| pose);
         let least = starts.first().map_or(0.0, |(cost, _)| *cost);
@@ -123,11 +123,11 @@ impl Problem {
         let leading = starts.take_while(|_| !budget::is_exhausted());
         let is_new = |fit: &CoarseFit| found.iter().all(|other| apart(&other.pose, &fit.pose, SAME_PLACE));
         let all: Vec<CoarseFit> =
-            leading.filter_map(|(_, start)| fit_coarse(regions, others, &start)).filter(is_new).collect();
+            leading.filter_map(|(_, start)| fit_coarse(regions, factor_at, &start)).filter(is_new).collect();
         let is_same = |a: &CoarseFit, b: &CoarseFit| !apart(&a.pose, &b.pose, SAME_PLACE);
         let is_behind = |best: &CoarseFit, other: &CoarseFit| best.log_evidence - other.log_evidence > MAX_DEFICIT;
         let likely = likeliest(all, is_behind, |fit| fit.log_evidence, is_same);
-        anneal(regions, others, &likely, 2.0 * MAX_DEFICIT, visited)
+        anneal(regions, factor_at, &likely, 2.0 * MAX_DEFICIT, visited)
     }
 
     /// Each answer once, the likeliest first, as the mixture of its modes: where samples contradict a pose, it depends on the start which

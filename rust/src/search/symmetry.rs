@@ -103,8 +103,8 @@ impl Drawing {
 /// Turned poses at which a drawing lies nearer to its contours than at the turns beside, and their misfits.
 fn least_poses(cost: impl Fn(&Pose) -> f64, drawing: &Drawing, behind: bool, pose: &Pose) -> Vec<(f64, Pose)> {
     let cost_at = |angle: f64| cost(&drawing.turned(pose, angle, behind));
-    let others = least_turns(cost_at).into_iter().filter(|(_, angle)| behind || *angle != 0.0);
-    let near = others.map(|least| least_near(cost_at, least, TURN));
+    let minima = least_turns(cost_at).into_iter().filter(|(_, angle)| behind || *angle != 0.0);
+    let near = minima.map(|least| least_near(cost_at, least, TURN));
     near.map(|(least, angle)| (least, drawing.turned(pose, angle, behind))).collect()
 }
 

@@ -33,7 +33,7 @@ fn unscaled(observed: &RegionEquations) -> PlaneRings {
 /// The projected world region there; none of a surface that occludes a part of itself.
 fn predicted(observed: &RegionEquations, world: &WorldRegion, pose: &Pose) -> PlaneRings {
     let chart = Chart { scale: 1.0, ..*observed.chart() };
-    let rings = seen(&chart, world, pose);
+    let rings = projected_rings(&chart, world, pose);
     match world.surface() {
         // A projective map keeps a plane's rings simple, and turns them all round where it shows them from behind.
         None => PlaneRings::of_simple(rings).facing(),
@@ -42,19 +42,19 @@ fn predicted(observed: &RegionEquations, world: &WorldRegion, pose: &Pose) -> Pl
 }
 
 /// The rings of a world region in a chart, as far as they lie before the camera.
-fn seen(chart: &Chart, world: &WorldRegion, pose: &Pose) -> Vec<Vec<Vector2<f64>>> {
+fn projected_rings(chart: &Chart, world: &WorldRegion, pose: &Pose) -> Vec<Vec<Vector2<f64>>> {
     let chart_from_world = Pose::new(chart.rotation * pose.rotation, chart.rotation * pose.translation);
-    let seen = |ring: &Vec<Vector3<f64>>| {
+    let project = |ring: &Vec<Vector3<f64>>| {
         let turned: Vec<_> = ring.iter().map(|x| chart_from_world.transform(x)).collect();
         projected_before(&turned, chart)
     };
-    world.rings().iter().map(seen).collect()
+    world.rings().iter().map(project).collect()
 }
 
 /// The same of a region that the image's border cuts: the prediction is cut there too (`docs/math.md`, section 14).
 fn cut_overlap(observed: &RegionEquations, border: &Border, world: &WorldRegion, pose: &Pose) -> OverlapAreas {
     let chart = observed.chart();
-    let (predicted, _) = border.clipped(seen(chart, world, pose));
+    let (predicted, _) = border.clipped(projected_rings(chart, world, pose));
     let predicted = predicted.rings.iter().map(|ring| ring.iter().map(|p| p / chart.scale).collect());
     overlap_areas(&unscaled(observed), &PlaneRings::of_simple(predicted.collect()))
 }

@@ -45,15 +45,15 @@ pub(super) fn bounded(sigma: f64) -> f64 {
 
 /// Probability that a normal vector of these deviations, the smallest first, is no longer than a radius.
 fn within(radius: f64, sigmas: &[f64]) -> f64 {
-    let [sigma, others @ ..] = sigmas else { return 1.0 };
-    if others.is_empty() {
+    let [sigma, other_sigmas @ ..] = sigmas else { return 1.0 };
+    if other_sigmas.is_empty() {
         return 2.0 * cumulative(radius / sigma) - 1.0;
     }
     // By the angle whose sine is the share of the radius: what is left of it is smooth up to its end.
     let most = (FAR * sigma / radius).min(1.0).asin();
     let at = |&(node, weight): &Node| {
         let (sine, cosine) = (most * node).sin_cos();
-        weight * cosine * density(radius * sine / sigma) * within(radius * cosine, others)
+        weight * cosine * density(radius * sine / sigma) * within(radius * cosine, other_sigmas)
     };
     2.0 * most * radius / sigma * RULE.iter().map(at).sum::<f64>()
 }

@@ -39,9 +39,9 @@ fn contour_outliers(solution: &Solution, sampled: &[usize]) -> Vec<Outlier> {
     // One region alone may lie on its projection by chance, two hardly; of two regions one has to do.
     let needed = (odds.len() - 1).min(2);
     let outlier = |region: usize| {
-        let others = (0..odds.len()).filter(|&other| other != region && odds[other] >= 0.0);
-        let others: Vec<f64> = others.map(|other| shares[other]).collect();
-        let least = others.iter().copied().reduce(f64::min).filter(|_| others.len() >= needed)?;
+        let inlier_shares = (0..odds.len()).filter(|&other| other != region && odds[other] >= 0.0);
+        let inlier_shares: Vec<f64> = inlier_shares.map(|other| shares[other]).collect();
+        let least = inlier_shares.iter().copied().reduce(f64::min).filter(|_| inlier_shares.len() >= needed)?;
         Some(Outlier { region, percent: 100.0 * shares[region], others: 100.0 * least })
     };
     let elsewhere = |&region: &usize| {

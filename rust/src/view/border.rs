@@ -96,14 +96,14 @@ impl Border {
 pub fn projected_before(ring: &[Vector3<f64>], chart: &Chart) -> Vec<Vector2<f64>> {
     let near = near_plane(ring);
     let project = |p: Vector3<f64>| p.xy() * (chart.scale / p.z);
-    let mut seen = Vec::with_capacity(ring.len() + 2);
+    let mut visible_ring = Vec::with_capacity(ring.len() + 2);
     for (a, b) in ring.iter().zip(ring.iter().skip(1).chain(ring.first())) {
         if let Some([from, to]) = edge_before(near, a, b) {
-            seen.push(project(from));
-            seen.extend((b.z < near).then(|| project(to)));
+            visible_ring.push(project(from));
+            visible_ring.extend((b.z < near).then(|| project(to)));
         }
     }
-    seen
+    visible_ring
 }
 
 /// The part of an edge, along the chart's axes, before the plane that [`near_plane`] gives; `None` where there is none.
@@ -170,8 +170,8 @@ fn edges_along(lines: &[Vec<Vector2<f64>>], outline: &PlaneRings, pixel: f64) ->
 /// The share of an outline's length that is not marked.
 fn share_of_others(outline: &PlaneRings, marked: &[Vec<bool>]) -> f64 {
     let lengths = || outline.edges().map(|(a, b)| (b - a).norm());
-    let others = lengths().zip(marked.iter().flatten()).map(|(length, &marked)| if marked { 0.0 } else { length });
-    others.sum::<f64>() / lengths().sum::<f64>()
+    let unmarked = lengths().zip(marked.iter().flatten()).map(|(length, &marked)| if marked { 0.0 } else { length });
+    unmarked.sum::<f64>() / lengths().sum::<f64>()
 }
 
 fn projected_lines(item: &'static str, lines: &[Vec<Bearing>], chart: &Chart) -> Result<Vec<Vec<Vector2<f64>>>> {
