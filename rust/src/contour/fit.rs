@@ -310,7 +310,7 @@ impl<'a> FixedMixture<'a> {
 
 /// The most likely pose that is reached from a start on every `step`-th piece; a pose on the way where that is likelier.
 ///
-/// Expectation and maximization, while the scale of the clean pieces falls from one at which half of them are to the finest:
+/// Expectation-maximization, while the scale of the clean pieces falls from one at which half of them are to the finest:
 /// what lies far off loses its weight step by step. `None` where a region is out of view at the start.
 pub fn refined(contours: &[Contour], start: &Pose, step: usize) -> Option<ContourFit> {
     let readings = Readings::at(contours, start, step)?;

@@ -15,7 +15,7 @@ const BINS: usize = 80;
 /// nearer one is no other scale. A convention.
 pub(super) const SCALE_STEP: f64 = 2.0;
 
-/// Steps of expectation and maximization for the shares and the wide scale at a narrow one, and from those at half of
+/// Steps of expectation-maximization for the shares and the wide scale at a narrow one, and from those at half of
 /// it: conventions.
 const ITERATIONS: usize = 8;
 const NEXT_ITERATIONS: usize = 3;
@@ -161,7 +161,7 @@ impl Distances {
         best
     }
 
-    /// The likeliest shares and wide scale for a narrow scale, by expectation and maximization.
+    /// The likeliest shares and wide scale for a narrow scale, by expectation-maximization.
     pub fn mixture_of(&self, sigma: f64, spread: f64) -> Mixture {
         let mut mixture = Mixture {
             sigma,
@@ -178,7 +178,7 @@ impl Distances {
         mixture.likelihood = self.likelihood(mixture);
     }
 
-    /// One step of expectation and maximization; the narrow scale stays as it is, or at least `finest` where that is given.
+    /// One step of expectation-maximization; the narrow scale stays as it is, or at least `finest` where that is given.
     fn improve(&self, mixture: &mut Mixture, finest: Option<f64>) {
         let (mut others, mut squares, mut all, mut all_squares) = (0.0, 0.0, 0.0, 0.0);
         let fall = 0.5 * (mixture.sigma.powi(-2) - mixture.outlier_sigma.powi(-2));

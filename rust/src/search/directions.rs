@@ -28,7 +28,7 @@ struct Direction {
     weight: f64,
 }
 
-/// Poses about the problem's origin with the camera at the place that the prior says it is near, turned so that every
+/// Poses about the problem's origin with the camera at the prior's place, turned so that every
 /// region is seen where it is; where that leaves a turn free, also those turns at which the contours fit. None without
 /// such a place.
 pub fn direction_poses(problem: &Problem, prior: &Prior, step: usize) -> Vec<Pose> {
