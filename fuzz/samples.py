@@ -160,7 +160,7 @@ def _pictures() -> list[Sample]:
     from regionpose.scene.sensors import read_picture
 
     camera = PinholeCamera(20.0, 20.0, 8.0, 6.0)
-    depth = partial(cloud_from_depth, camera=camera, unit_m=0.001)
+    depth = partial(cloud_from_depth, camera, unit_m=0.001)
     kinds = {"png": {}, "gif": {}, "tiff": {"compression": "tiff_deflate"}, "jpeg": {}, "webp": {}, "bmp": {}}
     photos = [
         Sample(f"photo.{kind}", _image(LABELS * 90, kind, **given), read_picture) for kind, given in kinds.items()

@@ -113,7 +113,7 @@ def test_the_page_opens_with_the_pose_by_edges(drive: Path, worlds: list[World])
         assert "rp-spin" in outcome_html(shared.outcome)
         assert reaches_state(shared), shared.outcome
         run = shared.outcome.run
-        assert run is not None and edges_of(run.estimate) is not None
+        assert run is not None and run.estimate.diagnostics.edges is not None
         assert_right(run.estimate.pose, worlds[0].pose)
         html = outcome_html(shared.outcome)
         assert f"rp-{run.estimate.status}" in html and f"{edges_of(run.estimate).count:,}" in html
@@ -162,7 +162,7 @@ def test_what_was_assumed_is_on_the_page(drive: Path) -> None:
     with opened(session_of(drive, prior=prior)) as shared:
         assert reaches_state(shared), shared.outcome
         run = shared.outcome.run
-        assert run is not None and edges_of(run.estimate) is not None
+        assert run is not None and run.estimate.diagnostics.edges is not None
         assert edges_of(run.estimate).assumed == ("camera_near_sigma_m",)
         html = outcome_html(shared.outcome)
         assert "within 0.5 m" in html and "(assumed)" in html and "up to 3 deg" in html
@@ -241,7 +241,7 @@ def test_a_pair_is_estimated_by_regions_and_without_it_the_edges_count_again(dri
         assert holds(
             lambda: shared.outcome.state in ("regions", "ready", "failed") and not shared.outcome.searches_edges
         )
-        assert shared.outcome.run is None or edges_of(shared.outcome.run.estimate) is None
+        assert shared.outcome.run is None or shared.outcome.run.estimate.diagnostics.edges is None
         shared.edit(lambda session: session.remove(session.regions[0].key))
         assert shared.outcome.run is None and shared.outcome.searches_edges and shared.depth_files == []
         assert reaches_state(shared)
@@ -257,7 +257,7 @@ def test_a_changed_prior_is_searched_anew(drive: Path, searches: list[str]) -> N
         assert shared.outcome.state == "busy" and shared.outcome.run is first
         assert reaches_state(shared)
         run = shared.outcome.run
-        assert run is not first and run is not None and edges_of(run.estimate) is not None
+        assert run is not first and run is not None and run.estimate.diagnostics.edges is not None
         assert edges_of(run.estimate).prior.up_sigma_deg == 2.0 and searches == ["found", "found"]
 
 

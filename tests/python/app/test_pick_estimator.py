@@ -12,7 +12,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from diagnostics import edges_of
 from pick_sessions import BOARD, CHALKBOARD, DOOR, WAIT_S, click_sign, demo_session, holds
 from PIL import Image
 from regionpose.app import estimator
@@ -72,8 +71,8 @@ def test_the_regions_pose_comes_first_and_then_that_of_the_whole_scene(
     first, last = shown
     assert (first.state, last.state) == ("regions", "ready")
     assert all(stages) and stages[0] != stages[1] and shared.stage == ""
-    assert first.run is not None and edges_of(first.run.estimate) is None
-    assert last.run is not None and edges_of(last.run.estimate) is not None
+    assert first.run is not None and first.run.estimate.diagnostics.edges is None
+    assert last.run is not None and last.run.estimate.diagnostics.edges is not None
     assert "rp-trusted" not in outcome_html(first) and "rp-trusted" in outcome_html(last)
     np.testing.assert_array_equal(with_edges(first.run).estimate.pose.matrix, last.run.estimate.pose.matrix)
 

@@ -161,7 +161,7 @@ def test_a_lens_that_folds_inside_the_photo_is_warned_of(
     assert [warning.code for warning in warnings] == ([] if angle_deg is None else ["non-invertible-distortion"])
     for warning in warnings:
         assert warning.values["angle_deg"] == pytest.approx(angle_deg, rel=0.01)
-        assert warning.values["percent"] == pytest.approx(percent, abs=2.0)
+        assert warning.values["pixel_share"] == pytest.approx(percent / 100.0, abs=0.02)
 
 
 def calibration(folder: Path, **more: object) -> Path:
