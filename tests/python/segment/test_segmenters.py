@@ -109,7 +109,7 @@ def test_seeds_of_scenes_ask_the_segmenter(tmp_path: Path, capsys: pytest.Captur
     assert code == 0
     assert json.loads(said)["regions"][0]["image_area_px"] == pytest.approx(160 * 130, rel=0.01)
     code, said, _ = run(capsys, "estimate", path, *words[:2], "--out", tmp_path / "pose", "--json", "--quiet")
-    assert json.loads(said)["regions"][0]["image_area_px"] == pytest.approx(160 * 130, rel=0.01)
+    assert json.loads(said)["diagnostics"]["regions"][0]["image_area_px"] == pytest.approx(160 * 130, rel=0.01)
 
 
 def test_a_seed_with_a_tolerance_is_grown_all_the_same(tmp_path: Path) -> None:
