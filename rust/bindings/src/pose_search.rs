@@ -148,7 +148,7 @@ impl AlignmentFrame {
     }
 
     /// Pixels (n, 2) of the photo at which edges are seen at a pose, and the numbers (n,) of the directions across them.
-    fn project<'py>(
+    fn seen<'py>(
         &self,
         py: Python<'py>,
         rotation: &Bound<'py, PyAny>,
