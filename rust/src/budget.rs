@@ -77,7 +77,7 @@ pub fn measured<T>(work: impl FnOnce() -> T) -> (T, u64) {
     (found, charged() - before)
 }
 
-/// What this thread has charged so far.
+/// The charge of this thread so far.
 pub fn charged() -> u64 {
     BUDGET.with(|budget| budget.charged.get())
 }
@@ -97,7 +97,7 @@ pub struct TaskBudget {
 }
 
 impl TaskBudget {
-    /// That of this thread.
+    /// The budget of this thread.
     pub fn new() -> Self {
         BUDGET.with(|budget| Self {
             remaining: budget.remaining.get(),
@@ -119,7 +119,7 @@ impl TaskBudget {
         (found, charged())
     }
 
-    /// Counts to the caller what all tasks together have measured.
+    /// Charges the caller with the sum over all tasks.
     pub fn end(self, measured: u64) {
         BUDGET.with(|budget| budget.charge(measured));
     }

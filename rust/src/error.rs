@@ -83,9 +83,9 @@ pub enum Error {
     /// Triangles that are no open surface.
     #[error("the mesh has {found}; it needs {needed}")]
     BadMesh {
-        /// What was found.
+        /// The fault found.
         found: String,
-        /// What is accepted.
+        /// Accepted values.
         needed: &'static str,
     },
     /// A bearing has no direction.
@@ -150,18 +150,18 @@ pub enum Error {
         /// The system's message.
         reason: String,
     },
-    /// What is wrong with one region of several.
+    /// An error of one region of several.
     #[error("region {index}: {error}")]
     InRegion {
         /// Index of the region.
         index: usize,
-        /// What is wrong with it.
+        /// Its error.
         error: Box<Error>,
     },
     /// A triangulation could not be built from its edges.
     #[error("no triangulation of the region: {reason}; rings need to be further apart than rounding")]
     Triangulation {
-        /// What went wrong.
+        /// The fault.
         reason: String,
     },
     /// A mesh does not cover its region.
@@ -219,7 +219,7 @@ pub enum Error {
         item: &'static str,
         /// The value found.
         found: String,
-        /// What is accepted.
+        /// Accepted values.
         needed: String,
     },
     /// A prior that no pose can be compared with.
@@ -229,37 +229,37 @@ pub enum Error {
         item: &'static str,
         /// The value found.
         found: String,
-        /// What is accepted.
+        /// Accepted values.
         needed: String,
     },
     /// A matrix that is no rotation.
     #[error("{item} is {found}; it needs to be {needed}")]
     InvalidRotation {
-        /// What the matrix is.
+        /// The matrix.
         item: &'static str,
         /// The value found.
         found: String,
-        /// What is accepted.
+        /// Accepted values.
         needed: String,
     },
     /// Points, vertices or samples of a region that determine no region.
     #[error("{item} is {found}; it needs to be {needed}")]
     InvalidGeometry {
-        /// What is refused.
+        /// The refused item.
         item: &'static str,
         /// The value found.
         found: String,
-        /// What is accepted.
+        /// Accepted values.
         needed: String,
     },
     /// An observed region that cannot be compared: its area, pixels, or what its image's border leaves of it.
     #[error("{item} is {found}; it needs to be {needed}")]
     InvalidObservation {
-        /// What is refused.
+        /// The refused item.
         item: &'static str,
         /// The value found.
         found: String,
-        /// What is accepted.
+        /// Accepted values.
         needed: String,
     },
 }

@@ -85,7 +85,7 @@ pub use verdict::estimate::Estimate;
 pub use verdict::solution::Solution;
 pub use verdict::warning::{Cause, RelativePose, Warning};
 
-/// What the tests, benchmarks and bindings of this repository use beside the public interface; no promise is made of it.
+/// Internal interface for tests, benchmarks and bindings of this repository, without stability.
 #[doc(hidden)]
 pub mod internals {
     #[cfg(feature = "alignment")]

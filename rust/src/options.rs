@@ -14,7 +14,7 @@ pub enum Start {
     Paper,
 }
 
-/// What follows the solution of the moment equations.
+/// Refinement after the solution of the moment equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Refinement {
     /// Where a part of the contours is disturbed, the pose is refined on the rest, unless several regions all have samples.
@@ -24,7 +24,7 @@ pub enum Refinement {
     Off,
 }
 
-/// How a pose is searched for.
+/// Options of a pose search.
 ///
 /// ```
 /// # use nalgebra::Vector3;
@@ -48,7 +48,7 @@ pub struct Options {
     pub start: Start,
     /// The prior of the pose.
     pub prior: Prior,
-    /// What follows the moments.
+    /// Refinement after the moments.
     pub refinement: Refinement,
     /// Errors of calibration, time and scan, which add to the covariance.
     pub frame_sigma: FrameSigma,

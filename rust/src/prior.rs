@@ -67,7 +67,7 @@ pub struct Prior {
     pub(crate) near_sigma: Option<f64>,
 }
 
-/// How far a pose is from the initial one.
+/// Deviation of a pose from the initial one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InitialDeviation {
     /// Rotation, rad.
@@ -85,7 +85,7 @@ impl InitialDeviation {
     }
 }
 
-/// How far the up direction is from the image's.
+/// Deviation of the up direction from the image's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UpDeviation {
     /// Angle, rad.
@@ -101,7 +101,7 @@ impl UpDeviation {
     }
 }
 
-/// How far the camera is from the place that it stands near.
+/// Deviation of the camera from the prior's place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlaceDeviation {
     /// Distance, meters.
@@ -216,7 +216,7 @@ impl Prior {
         factor
     }
 
-    /// How far a pose is from the initial one; `None` without one.
+    /// Deviation of a pose from the initial one; `None` without one.
     pub fn initial_deviation(&self, pose: &Pose, covariance: &Matrix6<f64>) -> Option<InitialDeviation> {
         // Its translation is as long as the camera's way.
         let increment = pose.local_coordinates(self.initial.as_ref()?);
@@ -237,7 +237,7 @@ impl Prior {
         Some((axis * up_in_camera.angle(&-Vector3::y()), up_in_camera))
     }
 
-    /// How far the up direction is from the image's; `None` without one.
+    /// Deviation of the up direction from the image's; `None` without one.
     pub fn up_deviation(&self, pose: &Pose, covariance: &Matrix6<f64>) -> Option<UpDeviation> {
         let (turn, _) = self.turn_to_up(pose)?;
         let (angle, deviation) = (turn.norm(), self.up_sigma.unwrap_or(UP_SIGMA));
@@ -248,7 +248,7 @@ impl Prior {
         Some(UpDeviation { angle, sigmas: if variance.is_finite() { angle / variance.sqrt() } else { 0.0 } })
     }
 
-    /// How far the camera is from the place that it stands near; `None` without one.
+    /// Deviation of the camera from the prior's place; `None` without one.
     pub fn place_deviation(&self, pose: &Pose, covariance: &Matrix6<f64>) -> Option<PlaceDeviation> {
         let (near, sigma) = self.place()?;
         let offset = pose.transform(&near);

@@ -211,7 +211,7 @@ impl Problem {
         (cost / self.degrees_of_freedom()).max(NOISE_FLOOR * NOISE_FLOOR)
     }
 
-    /// How much worse than another a whitened cost is, in variances, with at most so many degrees of freedom of the noise (`numbers`;
+    /// Deviance of a whitened cost to another, in variances, with at most so many degrees of freedom of the noise (`numbers`;
     /// `docs/math.md`, eq. 10.3).
     #[doc(hidden)]
     pub fn worse_by_moments(&self, cost: f64, other: f64, numbers: f64) -> f64 {

@@ -1,4 +1,4 @@
-//! What clouds and photos are checked and prepared by before edges are laid on one another.
+//! Checks and preparation of clouds and photos for edge alignment.
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;

@@ -79,7 +79,7 @@ impl Prior {
         self.0.place().map(|(_, sigma)| sigma)
     }
 
-    /// What counts against a pose with this covariance (6, 6) of its left increment, in variances.
+    /// Penalty of a pose with this covariance (6, 6) of its left increment, in variances.
     fn penalty(
         &self,
         rotation: &Bound<'_, PyAny>,
@@ -123,7 +123,7 @@ fn check_both(rotation: Option<&Bound<'_, PyAny>>, center: Option<&Bound<'_, PyA
     Err(PyValueError::new_err(format!("{here} is given without {missing}; it needs both or neither")))
 }
 
-/// What the crate refuses, by the names and in the units that were given.
+/// Errors of the crate, with the names and in the units of the arguments.
 fn as_given(error: Error, sigmas: &[(&str, &str, Option<f64>)]) -> PyErr {
     let Error::InvalidPrior { item, .. } = &error else { return value_error(error) };
     match sigmas.iter().find(|(field, ..)| field == item) {

@@ -71,7 +71,7 @@ type ResidualJacobian<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64
 
 type RegionsEnds<'py> = ([usize; 2], Bound<'py, PyArray2<f64>>);
 
-/// Where a least squares ended.
+/// The end point of a least-squares iteration.
 #[pyclass(frozen, module = "regionpose._core")]
 #[derive(Clone)]
 pub struct Minimum(least_squares::Minimum);
@@ -245,7 +245,7 @@ impl Estimate {
         self.0.evidence.probability()
     }
 
-    /// What the confidence is computed from, (8,) of outlines or (6,) of samples (`docs/math.md`, eq. 15.3).
+    /// Features of the confidence, (8,) of outlines or (6,) of samples (`docs/math.md`, eq. 15.3).
     #[getter]
     fn evidence<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.0.evidence.features())
@@ -445,7 +445,7 @@ fn residual_jacobian<'py>(py: Python<'py>, evaluation: &Evaluation) -> PyResult<
     Ok((PyArray1::from_slice(py, evaluation.residual.as_slice()), jacobian))
 }
 
-/// What a search found: candidates, and their equations on the scale of the boundary noise.
+/// The result of a search: candidates, and their equations on the scale of the boundary noise.
 #[pyclass(frozen, module = "regionpose._core")]
 pub struct Search(search::Search);
 

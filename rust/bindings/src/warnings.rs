@@ -59,7 +59,7 @@ fn values_of<'py>(py: Python<'py>, warning: &Warning) -> PyResult<Bound<'py, PyD
     Ok(values)
 }
 
-/// How many other poses fit, and the least rotation and shift to any of them.
+/// Number of other poses that fit, and the least rotation and shift to any of them.
 fn set_others(values: &Bound<'_, PyDict>, others: &[RelativePose]) -> PyResult<()> {
     let least = |numbers: &mut dyn Iterator<Item = f64>| numbers.fold(f64::INFINITY, f64::min);
     values.set_item("others", others.len())?;
@@ -67,7 +67,7 @@ fn set_others(values: &Bound<'_, PyDict>, others: &[RelativePose]) -> PyResult<(
     values.set_item("shift_m", least(&mut others.iter().map(|other| other.shift)))
 }
 
-/// What makes a geometry weak, each cause by the name of its number.
+/// Causes of a weak geometry, each by the name of its number.
 fn set_causes(values: &Bound<'_, PyDict>, causes: &[Cause]) -> PyResult<()> {
     for cause in causes {
         match cause {

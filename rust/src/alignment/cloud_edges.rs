@@ -11,7 +11,7 @@ use crate::geometry::pose::Pose;
 /// Edges nearer to the scanner than this are its own vehicle's or tripod's, meters: a convention.
 const LEAST_DISTANCE: f64 = 0.5;
 
-/// Where a cloud's surfaces end, or their shade changes, as seen from some place.
+/// Edges of a cloud as seen from a place: where surfaces end, or their shade changes.
 #[derive(Debug, Clone)]
 pub struct CloudEdges {
     /// Points half-way between both sides of an edge, at the near side's distance, world coordinates, meters.
@@ -32,7 +32,7 @@ pub struct EdgeOptions {
 }
 
 impl CloudEdges {
-    /// Those of points (world coordinates, meters), and of their shades if there are any, as seen from a place.
+    /// The edges of points (world coordinates, meters), and of their shades if there are any, as seen from a place.
     pub fn new(points: &[Vector3<f64>], shades: Option<&[f64]>, place: &Vector3<f64>, options: &EdgeOptions) -> Self {
         let local: Vec<_> = points.iter().map(|point| point - place).collect();
         // What is left out hides nothing, either; a point in the center is none.
@@ -43,7 +43,7 @@ impl CloudEdges {
         Self::of(&steps, place)
     }
 
-    /// Those of steps as seen from a place.
+    /// The edges of steps as seen from a place.
     fn of(steps: &[Step], place: &Vector3<f64>) -> Self {
         let middle = |step: &Step| (step.near + step.far).normalize() * step.distance;
         Self {

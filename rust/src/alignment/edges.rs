@@ -15,7 +15,7 @@ const SECTORS: usize = 8;
 /// would magnify range noise.
 const MOST_REACH: f64 = 2.0;
 
-/// How many times as large as the mean change of shade between neighbors, and as the changes beside it, a step is. Conventions.
+/// Least ratios of a step of shade to the mean change between neighbors, and to the changes beside it. Conventions.
 const OF_MEAN: f64 = 3.0;
 const OF_BESIDE: f64 = 2.0;
 
@@ -40,7 +40,7 @@ struct Sample {
 }
 
 impl Sample {
-    /// That of a point; `None` of one that is not finite, or in the center.
+    /// The sample of a point; `None` of one that is not finite, or in the center.
     fn new(number: usize, point: &Vector3<f64>) -> Option<Self> {
         let range = point.norm();
         (range.is_finite() && range > 0.0).then(|| Self {
@@ -62,7 +62,7 @@ pub struct Seen {
 }
 
 impl Seen {
-    /// What is seen of points given relative to the camera's center, meters, in any axes.
+    /// The visible ones of points given relative to the camera's center, meters, in any axes.
     ///
     /// `cell`, rad: of points whose bearings differ by less, the nearest one hides the others. `gap`, rad: neighbors farther apart
     /// are none. Points that are not finite, or in the center, are left out.
@@ -135,7 +135,7 @@ impl Seen {
     }
 }
 
-/// How much the shade changes between two neighbors, and beside them.
+/// Change of shade between two neighbors, and beside them.
 struct Change {
     pair: [usize; 2],
     size: f64,
@@ -152,7 +152,7 @@ impl Change {
     }
 }
 
-/// How far the inverse distance beyond a sample falls below that of the plane through the sample and its neighbor before it,
+/// By how much the inverse distance beyond a sample falls below that of the plane through the sample and its neighbor before it,
 /// and below the sample's own.
 fn excess(here: &Sample, before: &Sample, beyond: &Sample) -> f64 {
     let [back, forth] = [before, beyond].map(|other| (other.bearing - here.bearing).norm());

@@ -45,7 +45,7 @@ pub struct PhotoView {
 }
 
 impl Frame {
-    /// That of a photo and a cloud's edges; sums are taken about an `origin` of the world, near the scanner.
+    /// The frame of a photo and a cloud's edges; sums are taken about an `origin` of the world, near the scanner.
     pub fn new(view: PhotoView, edges: &CloudEdges, origin: Vector3<f64>) -> Self {
         let grouped = MOST_EDGES.map(|most| Arc::new(GroupedEdges::new(&edges.thinned(most), &origin)));
         Self { view, edges: grouped, origin }

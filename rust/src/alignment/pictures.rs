@@ -20,7 +20,7 @@ pub struct LogRatios {
 }
 
 impl LogRatios {
-    /// Those of pictures of so many rows and columns, one direction after the other, averaged over squares of `reduction` pixels.
+    /// Log likelihood ratios of `rows` by `columns` pixels, one direction after the other, averaged over squares of `reduction` pixels.
     /// `None` where the values do not fill four pictures, or there are none.
     pub fn new(values: &[f32], rows: usize, columns: usize, reduction: usize) -> Option<Self> {
         let size = rows.checked_mul(columns)?;
@@ -44,7 +44,7 @@ impl LogRatios {
         Some(Self { values: reduced, rows: down, columns: right, reduction: reduction as f64 })
     }
 
-    /// What the four pixels about each of some pixels of the photo hold across directions.
+    /// Values of the four pixels about each given pixel of the photo, across directions.
     #[inline(always)]
     pub(super) fn around(&self, pixels: &[Floats; 2], directions: &Numbers) -> Around {
         let scale = (1.0 / self.reduction) as f32;
@@ -75,7 +75,7 @@ impl LogRatios {
     }
 }
 
-/// What the four pixels about each of some places hold, and where among them these lie.
+/// Values of the four pixels about each given place, and the place among them.
 pub(super) struct Around {
     /// Whether the photo shows a place: 1, else 0.
     pub(super) shown: Numbers,

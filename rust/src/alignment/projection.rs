@@ -17,7 +17,7 @@ const TOLERANCE_PX: f64 = 0.1;
 /// Error beyond which a cell of the finest table shows a seam, such as where a panorama wraps around, pixels.
 const SEAM_PX: f64 = 1.0;
 
-/// Where a camera sees bearings, pixels: exact at the nodes of a grid on each face of a cube, bilinear between them.
+/// Projection table of a camera, bearings to pixels: exact at the nodes of a grid on each face of a cube, bilinear between them.
 ///
 /// A perspective camera without distortion is exact on the face before it, a right angle wide, which it maps linearly.
 #[derive(Debug, Clone)]
@@ -29,7 +29,7 @@ pub struct Projection {
     cells: Vec<Cell>,
 }
 
-/// Where the cells of a face begin, and which bits of their numbers count: none of a face that sees nothing, so that all are [`NONE`].
+/// Offset of a face's cells, and which bits of their numbers count: none of a face that sees nothing, so that all are [`NONE`].
 #[derive(Debug, Clone, Copy)]
 struct Face {
     first: u32,
@@ -42,7 +42,7 @@ struct Face {
 #[derive(Debug, Clone, Copy)]
 struct Cell([[f32; 4]; 2]);
 
-/// Where the bearings of a group of edges meet the cube.
+/// Points at which the bearings of a group of edges meet the cube.
 pub(super) struct Places {
     /// The one of x, y and z along which the bearing is longest.
     axis: Numbers,
@@ -59,7 +59,7 @@ pub(super) struct Places {
     cell: Numbers,
 }
 
-/// Where a group of edges is seen: NaN where it is not.
+/// Pixels of a group of edges; NaN of edges out of view.
 pub(super) struct Pixels {
     pub(super) pixels: [Floats; 2],
     /// Derivatives of each pixel's x and y by the place within the cell.
@@ -67,7 +67,7 @@ pub(super) struct Pixels {
 }
 
 impl Projection {
-    /// That of a camera with an image of `size` (width, height) pixels, the first pixel's center being (0, 0).
+    /// The table of a camera with an image of `size` (width, height) pixels, the first pixel's center being (0, 0).
     ///
     /// `project` gives the pixels of some bearings, which are of any length; NaN for those that the camera does not see. The table is
     /// made finer until it is off by less than a tenth of a pixel.
@@ -116,7 +116,7 @@ impl Projection {
         Ok(Self { count: cells, faces, cells: joined })
     }
 
-    /// Where bearings meet the cube.
+    /// Points at which bearings meet the cube.
     #[inline(always)]
     pub(super) fn places(&self, [xs, ys, zs]: &[Floats; 3]) -> Places {
         let (half, last) = (0.5 * self.count as f32, (self.count - 1) as f32);
@@ -180,7 +180,7 @@ impl Projection {
 }
 
 impl Pixels {
-    /// How the pixels move with small ways of the bearings.
+    /// Derivatives of the pixels by the bearings.
     #[inline(always)]
     pub(super) fn moved(&self, places: &Places, ways: &[Floats; 3]) -> [Floats; 2] {
         let mut moved = [ZEROS; 2];

@@ -61,7 +61,7 @@ impl Boundary {
         self.previous[edge] as usize
     }
 
-    /// How far each vertex lies before the plane of a chart at a pose, `rotation` being `chart_from_camera`.
+    /// Depth of each vertex along a chart's axis at a pose, `rotation` being `chart_from_camera`.
     pub(super) fn depths(&self, rotation: &Rotation3<f64>, pose: &Pose) -> Vec<f64> {
         let row = rotation.matrix().row(2);
         let (turned, offset) = (row * pose.rotation.matrix(), (row * pose.translation).x);
@@ -156,7 +156,7 @@ impl ProjectedBoundary<'_> {
         (0..self.boundary.next.len()).map(|vertex| self.edge(vertex))
     }
 
-    /// What of each edge lies before the camera; `None` where nothing of a ring does.
+    /// The part of each edge before the camera; `None` where nothing of a ring is.
     pub(super) fn edges_before(&self) -> Option<Vec<Edge>> {
         let mut all = Vec::with_capacity(self.boundary.next.len());
         for ring in &self.boundary.rings {

@@ -130,7 +130,7 @@ impl<'a> Rows<'a> {
         self.times() * self.all.iter().map(value).sum::<f64>()
     }
 
-    /// How many pieces each of them stands for.
+    /// Number of pieces that each of them represents.
     fn times(&self) -> f64 {
         self.step as f64
     }
@@ -213,7 +213,7 @@ fn corners_variance(rows: &Rows<'_>) -> f64 {
     squares / rows.sum(|row| row.weight.powi(2)) / OF_ENDS
 }
 
-/// What corners add to the scatter of the gradient, each of which is off by an error of its own that the sides follow.
+/// Scatter of the gradient by independent errors of corners, which their sides share.
 ///
 /// A mask's edge along the pixels' grid lies anywhere within a pixel, as the corners of a polygon do within a click's
 /// error: the deviation of the contour's points, not that of the pieces, over which a staircase averages out. The
@@ -232,7 +232,7 @@ fn corners_scatter(rows: &Rows<'_>, sides: &[Side], variance: f64) -> Matrix6<f6
 /// The gradient by where a corner is, along each axis of its region's chart.
 type Pull = [[Lanes; 2]; 3];
 
-/// How the errors of a region's corners pull the sides between them, by the corners' numbers.
+/// Derivatives of the gradient by the errors of a region's corners, by the corners' numbers.
 struct Pulls<'a>(&'a Rows<'a>, &'a [Side]);
 
 impl NullaryFnOnce for Pulls<'_> {

@@ -204,7 +204,7 @@ impl ContourFit {
         independent * (self.mixture.likelihood - other.mixture.likelihood)
     }
 
-    /// How much worse another pose fits the same pieces, in variances (`docs/math.md`, eq. 11.7): twice the ratio of the log
+    /// Deviance of another pose on the same pieces, in variances (`docs/math.md`, eq. 11.7): twice the ratio of the log
     /// likelihoods, of no more pieces than there are degrees of freedom of the noise (`numbers`), bounded where the
     /// difference may be chance. Where regions belong to one of both poses alone, more regions decide, not longer contours, and of
     /// as many on either side those that lie farther off at the other pose.

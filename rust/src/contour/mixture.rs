@@ -20,7 +20,7 @@ pub(super) const SCALE_STEP: f64 = 2.0;
 const ITERATIONS: usize = 8;
 const NEXT_ITERATIONS: usize = 3;
 
-/// Where the steps begin: the wide scale over the root of the mean square, and the disturbed share. Conventions.
+/// Initial values: the wide scale over the root of the mean square, and the disturbed share. Conventions.
 const FIRST_WIDE: f64 = 1.2;
 const FIRST_SHARE: f64 = 0.3;
 

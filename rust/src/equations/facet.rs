@@ -223,7 +223,7 @@ impl Facet {
         Some(moments)
     }
 
-    /// What the image's border leaves visible of the facet, in chart coordinates, and the side from which it is seen: -1 from
+    /// The part of the facet within the image's border, in chart coordinates, and the side from which it is seen: -1 from
     /// behind, where the rings are turned round.
     pub fn clipped(&self, chart_from_world: &Pose, chart: &Chart, border: &Border) -> (Clipped, f64) {
         let Shape::Rings(rings) = &self.shape else { return (Clipped::default(), 1.0) };

@@ -38,7 +38,7 @@ impl Information {
         self.covariance_of(&(self.inverse_root * scaled(scatter, &self.deviations) * self.inverse_root.transpose()))
     }
 
-    /// That of a matrix in the parameters of the factor; symmetric to the last digit.
+    /// The covariance of a matrix in the parameters of the factor; symmetric to the last digit.
     fn covariance_of(&self, inner: &Matrix6<f64>) -> Matrix6<f64> {
         let whole = self.inverse_root.transpose() * inner * self.inverse_root;
         scaled(&((whole + whole.transpose()) * 0.5), &self.deviations)

@@ -59,7 +59,7 @@ impl Termination {
     }
 }
 
-/// Where the least squares ended.
+/// The end point of a least-squares iteration.
 #[derive(Debug, Clone, PartialEq)]
 #[must_use]
 pub struct Minimum {
@@ -87,10 +87,10 @@ const DAMPING_STEPS: usize = 10;
 /// Share of the largest damping worth a try to begin with.
 const SMALL_DAMPING: f64 = 1e-3;
 
-/// A step is taken that gains this share of what the linear model promised.
+/// Least ratio of actual to predicted reduction at which a step is taken.
 const LEAST_GAIN: f64 = 1e-4;
 
-/// Shares of the promise below and above which the radius shrinks and grows.
+/// Ratios of actual to predicted reduction below and above which the radius shrinks and grows.
 const POOR_GAIN: f64 = 0.25;
 const GOOD_GAIN: f64 = 0.75;
 
@@ -127,7 +127,7 @@ pub fn step_unit(start: &Pose) -> Tangent {
     Tangent::new(1.0, 1.0, 1.0, distance, distance, distance)
 }
 
-/// Where the iteration is.
+/// State of the iteration.
 struct Descent {
     pose: Pose,
     equations: NormalEquations,
@@ -176,7 +176,7 @@ impl Descent {
         }
         let pose = self.pose.retract(&step.component_mul(&back));
         if damping == 0.0 && 2.0 * step.norm() <= criteria.tolerance * self.sizes.norm() {
-            self.take_unseen(pose, Gain::new(&model, &step, damping, self.equations.cost, None).predicted);
+            self.take_unevaluated(pose, Gain::new(&model, &step, damping, self.equations.cost, None).predicted);
             return Some(Termination::PoseTolerance);
         }
         let reached = evaluate(&pose);
@@ -192,17 +192,17 @@ impl Descent {
     }
 
     /// Takes a step whose radius would end the iteration without evaluating its end: what is left is of its square.
-    fn take_unseen(&mut self, pose: Pose, promise: f64) {
+    fn take_unevaluated(&mut self, pose: Pose, predicted: f64) {
         self.pose = pose;
-        self.equations.cost *= (1.0 - promise).max(0.0);
+        self.equations.cost *= (1.0 - predicted).max(0.0);
     }
 
-    /// What a parameter of size one is in the pose's increment; nothing for one that nothing depends on.
+    /// The pose's increment by a parameter of size one; zero for one that nothing depends on.
     fn back(&self) -> Tangent {
         self.unit.zip_map(&self.sizes, |unit, size| if size > 0.0 { unit / size } else { 0.0 })
     }
 
-    /// What ends the iteration before another step.
+    /// The reason to end the iteration before another step, if any.
     fn over(&self, criteria: TerminationCriteria) -> Option<Termination> {
         let NormalEquations { cost, gradient, .. } = &self.equations;
         if !(cost.is_finite() && self.sizes.norm().is_finite()) || self.sizes.norm() == 0.0 {
@@ -231,7 +231,7 @@ impl Descent {
         }
     }
 
-    /// What ends the iteration after a step.
+    /// The reason to end the iteration after a step, if any.
     fn ended(&self, gain: &Gain, in_view: bool, criteria: TerminationCriteria) -> Option<Termination> {
         let is_short = |share: f64| self.radius <= share * self.sizes.norm();
         if gain.is_flat(criteria.tolerance) {
@@ -312,7 +312,7 @@ fn correction(step: &Tangent, factor: &Cholesky<f64, Const<6>>, radius: f64) -> 
     (length - radius) / (radius * bent)
 }
 
-/// What a step gained, in shares of the cost before it.
+/// Actual and predicted reduction of a step, relative to the cost before it.
 struct Gain {
     actual: f64,
     predicted: f64,
@@ -329,17 +329,17 @@ impl Gain {
         Self { actual, predicted: curvature + 2.0 * damped, slope: -(curvature + damped) }
     }
 
-    /// The share of the promise that was kept.
+    /// Ratio of actual to predicted reduction.
     fn ratio(&self) -> f64 {
         if self.predicted > 0.0 { self.actual / self.predicted } else { 0.0 }
     }
 
-    /// Whether neither promise nor gain is above a share of the cost.
+    /// Whether neither reduction is above a share of the cost.
     fn is_flat(&self, share: f64) -> bool {
         self.actual.abs() <= share && self.predicted <= share && self.ratio() <= 2.0
     }
 
-    /// The share of the radius to go on with after a poor step: where a parabola through what was seen is lowest.
+    /// The share of the radius to go on with after a poor step: where a parabola through both costs is lowest.
     fn shrink(&self) -> f64 {
         let lowest = if self.actual >= 0.0 { 0.5 } else { 0.5 * self.slope / (self.slope + 0.5 * self.actual) };
         if self.actual == -1.0 { STRONGEST_SHRINK } else { lowest.max(STRONGEST_SHRINK) }

@@ -11,7 +11,7 @@ use crate::math::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 /// them two lane groups.
 pub(crate) const DERIVED: usize = 2 * LANES;
 
-/// What least squares need of equations: with residuals `r` and derivatives `J` by the left increment, the sums over
+/// Normal equations of least squares: with residuals `r` and derivatives `J` by the left increment, the sums over
 /// all.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct NormalEquations {
@@ -122,7 +122,7 @@ impl NullaryFnOnce for Products<'_> {
 }
 
 impl NormalEquations {
-    /// Those of equations.
+    /// The sums of equations.
     pub(crate) fn of(rows: &[[f64; DERIVED]]) -> Self {
         let sums = vectorized(Products(rows)).map(numbers);
         Self {
@@ -132,14 +132,14 @@ impl NormalEquations {
         }
     }
 
-    /// Those of weighted rows.
+    /// The sums of weighted rows.
     pub(crate) fn weighted(rows: &[WeightedRow]) -> Self {
         let (information, gradient, cost) = vectorized(WeightedSums(rows));
         let gradient = numbers(gradient);
         Self { information: matrix(information), gradient: Tangent::from_fn(|entry, _| gradient[entry]), cost }
     }
 
-    /// Those by an increment along a chart's axes turned to the camera's, `rotation` being `chart_from_camera`
+    /// The equations by an increment along a chart's axes turned to the camera's, `rotation` being `chart_from_camera`
     /// (`docs/math.md`, eq. 6.7).
     pub fn turned(self, rotation: &Rotation3<f64>) -> Self {
         let mut gradient = Tangent::zeros();

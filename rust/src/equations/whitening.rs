@@ -21,11 +21,11 @@ pub enum Orders {
     /// All of the system: they hold more of a clean outline.
     All,
     /// On the plane those up to order 4: outlines of real segmentations and scans are bent and cut rather than rough, which
-    /// high orders feel most.
+    /// disturbs high orders most.
     Low,
 }
 
-/// How a region's moments scatter when its boundary does, for any size of that noise (`docs/math.md`, eq. 6.4).
+/// Covariance of a region's moments under boundary noise of any size (`docs/math.md`, eq. 6.4).
 ///
 /// In units of the noise's variance, with independent pixels of the boundary and `w_n` the functions' normal derivatives:
 /// `pixel^3 (w w^T) + sigma^2 pixel^5 / 2 (w_n w_n^T) + sigma^2 pixel^4 / 4 b b^T`, the products and `b = w_n` integrated along the
@@ -42,7 +42,7 @@ pub struct BoundaryCovariance {
 }
 
 impl BoundaryCovariance {
-    /// That of a region whose outline in the chart is `rings` and whose area is `pixel_area` pixels.
+    /// The covariance of a region whose outline in the chart is `rings` and whose area is `pixel_area` pixels.
     pub fn new(system: System, chart: &Chart, rings: &PlaneRings, pixel_area: f64) -> Self {
         let products = match system {
             System::Plane => plane_products(rings),
@@ -226,7 +226,7 @@ const SPHERE_COUNT: usize = SPHERE_EXPONENTS.len();
 /// Entries of the plane system's covariance by [`packed`].
 const ENTRIES: usize = packed(PLANE_EXPONENTS.len(), 0);
 
-/// What an entry of the plane system's covariance takes of the sums: the place of the values' monomial, and of the slopes'
+/// Terms of an entry of the plane system's covariance: the place of the values' monomial, and of the slopes'
 /// the places and their factors.
 #[derive(Clone, Copy)]
 struct Entry {

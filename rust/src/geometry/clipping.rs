@@ -2,7 +2,7 @@
 //!
 //! Every decision is an exact predicate on the first region moved by an infinitesimal step, along x first and then, far
 //! smaller still, along y: no vertex then lies on an edge of the other region, so that vertices that touch and edges that
-//! coincide need no case of their own. The area, as every other integral, does not feel the step (`docs/math.md`, section 14).
+//! coincide need no case of their own. The area, like any other integral, is independent of the step (`docs/math.md`, section 14).
 
 use std::ops::Range;
 
@@ -24,7 +24,7 @@ pub struct Clipped {
     pub border: Vec<[Point; 2]>,
 }
 
-/// What two regions share; outer rings turn counter-clockwise, holes clockwise, rings of one region do not cross.
+/// The intersection of two regions; outer rings turn counter-clockwise, holes clockwise, rings of one region do not cross.
 pub fn intersection(first: &[Vec<Point>], second: &[Vec<Point>]) -> Clipped {
     Window::new(second.to_vec()).shared_with(first)
 }
@@ -41,7 +41,7 @@ pub struct Window {
 /// boundaries, its point in the ring. Measured, 200 to 400 ns (`fuzz --target border --seed 270000866 --runs 1`).
 const EDGES_OF_CROSSING: usize = 100;
 
-/// Where an edge of the first region crosses one of the second.
+/// A crossing of an edge of the first region and one of the second.
 struct Crossing {
     /// The edges' numbers over all rings, and the shares of them before the place: the first region's, the second's.
     places: [(usize, f64); 2],
@@ -65,7 +65,7 @@ impl Window {
     pub fn shared_with(&self, first: &[Vec<Point>]) -> Clipped {
         let crossings = self.crossings(first);
         let of_first = paths(first, &crossings, 0, |point| self.holds(point, 1.0));
-        // Each ring asks once whether the other region holds it.
+        // One test for each ring of whether the other region holds it.
         budget::charge(self.rings.len() * edges(first).count());
         let of_second = paths(&self.rings, &crossings, 1, |point| holds(first, point, -1.0));
         let mut clipped = stitched(&of_first, &of_second, crossings.len());

@@ -49,7 +49,7 @@ impl EdgeBoxes {
         budget::charge(self.visit(self.levels.len(), 0..top, &near, &mut found));
     }
 
-    /// The same of a part of a level, level 0 being the edges; how many were asked for.
+    /// The same of a part of a level, level 0 being the edges; how many were evaluated.
     fn visit(
         &self,
         level: usize,
@@ -92,7 +92,7 @@ mod tests {
         EdgeBoxes::new((0..500).map(|k| [end(k), end(k + 1)]).collect())
     }
 
-    /// The numbers of edges that may hold a point of the line, and how many boxes were asked for.
+    /// The numbers of edges that may hold a point of the line, and how many boxes were evaluated.
     fn found(edges: &EdgeBoxes, x: f64) -> (Vec<usize>, u64) {
         let mut numbers = Vec::new();
         let near = |[low, high]: &Corners| low.x <= x && x <= high.x;

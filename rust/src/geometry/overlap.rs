@@ -146,7 +146,7 @@ impl Segments {
     }
 }
 
-/// Where an edge is at an x from its left end to its right one.
+/// The y of an edge at an x from its left end to its right one.
 fn y_at([left, right]: &[Point; 2], x: f64) -> f64 {
     if x == right[0] { right[1] } else { left[1] + (x - left[0]) / (right[0] - left[0]) * (right[1] - left[1]) }
 }

@@ -13,7 +13,7 @@ pub const PARAMETERS: usize = 6;
 /// Below this angle (rad) the series of the exponential map replace its quotients; their error is of order angle^4 / 100.
 const SMALL_ANGLE: f64 = 1e-4;
 
-/// How far a given rotation matrix may be from orthonormal, as the largest entry of `R^T R - I`.
+/// Largest deviation of a given rotation matrix from orthonormal, as the largest entry of `R^T R - I`.
 const ORTHONORMAL_TOLERANCE: f64 = 1e-6;
 
 /// Refuses a matrix that is no rotation, nearly; also one with entries that are not finite.

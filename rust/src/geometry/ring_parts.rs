@@ -68,7 +68,7 @@ pub(super) struct Part {
     longest: Point,
 }
 
-/// What goes through the parts of rings.
+/// A visitor of the parts of rings.
 pub(super) trait Visitor {
     /// Whether it descends into a part.
     fn enters(&mut self, part: &Part) -> bool;

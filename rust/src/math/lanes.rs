@@ -5,7 +5,7 @@ use std::ops::{Add, AddAssign, Div, Mul, Sub};
 use pulp::Arch;
 pub(crate) use pulp::NullaryFnOnce;
 
-/// What some work gives, compiled for the widest vectors that this machine has. Products and sums are rounded one by one on
+/// The result of work, compiled for the widest vectors of this machine. Products and sums are rounded one by one on
 /// all of them: the numbers are the same to the last bit.
 pub(crate) fn vectorized<Work: NullaryFnOnce>(work: Work) -> Work::Output {
     Arch::new().dispatch(work)

@@ -33,7 +33,7 @@ thread_local! {
     static UNASKED: Cell<u32> = const { Cell::new(POSITIONS) };
 }
 
-/// What unwinds out of spade, which has no other way to end early, once the work is canceled.
+/// Payload of the unwinding out of spade, its only early end, once the work is canceled.
 struct Unwound;
 
 /// Work with triangulations: an error once they are canceled.
@@ -45,7 +45,7 @@ pub(super) fn interruptible<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
     })
 }
 
-/// Unwinds once the work is canceled, without a word of the panic hook.
+/// Unwinds once the work is canceled, without calling the panic hook.
 fn pass_position() {
     let left = UNASKED.get() - 1;
     UNASKED.set(if left == 0 { POSITIONS } else { left });

@@ -33,7 +33,7 @@ const SMALLEST_SPLIT_FRACTION: f64 = 1e-12;
 /// The same in units of the spacing of numbers at the largest coordinate, squared.
 const SMALLEST_SPLIT_SPACINGS: f64 = 256.0;
 
-/// How far to refine a triangulation; the default leaves it as it is.
+/// Options of refinement; the default does not refine.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct MeshOptions {
     /// Largest area of a triangle, in the rings' unit squared.

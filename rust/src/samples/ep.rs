@@ -22,7 +22,7 @@ const EDGES_PER_SWEEP: usize = EDGES_PER_LABEL * STATES;
 /// A sweep that moves the mean by less than this many of its standard deviations, in all directions together, is the last.
 const CONVERGED_SIGMAS: f64 = 0.05;
 
-/// How far the log evidence may exceed that of certain labels, since it is approximate: a convention. Where factors diverge it is off by
+/// By how much the log evidence may exceed that of certain labels, since it is approximate: a convention. Where factors diverge it is off by
 /// hundreds and more.
 const EVIDENCE_TOLERANCE: f64 = 1.0;
 

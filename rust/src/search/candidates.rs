@@ -19,7 +19,7 @@ use crate::geometry::pose::Pose;
 use crate::prior::Prior;
 use crate::problem::Problem;
 
-/// How many times as many pieces follow a refinement on few: a convention.
+/// Ratio of the numbers of pieces of successive refinements: a convention.
 const MORE_PIECES: usize = 5;
 
 /// Poses nearer than this, rad and share of the distance, are one fit on the contours: both converged to it.

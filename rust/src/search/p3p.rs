@@ -135,7 +135,7 @@ fn line_pair(conic: &Matrix3<f64>) -> Vec<Vector3<f64>> {
     vec![split.row(row).transpose(), split.column(column).into_owned()]
 }
 
-/// Where a line meets a conic, up to factors.
+/// Intersection of a line and a conic, up to factors.
 fn on_line(line: &Vector3<f64>, conic: &Matrix3<f64>) -> Vec<Vector3<f64>> {
     let Some(normal) = line.try_normalize(0.0) else { return Vec::new() };
     let one = normal.cross(&Vector3::ith(normal.iamin(), 1.0)).normalize();
@@ -152,7 +152,7 @@ fn adjugate(m: &Matrix3<f64>) -> Matrix3<f64> {
     Matrix3::from_columns(&[b.cross(&c), c.cross(&a), a.cross(&b)])
 }
 
-/// What the depths leave of the squared sides.
+/// Residuals of the squared sides at the depths.
 fn sides_missed(depths: &Vector3<f64>, squares: &Vector3<f64>, cosines: &[f64; 3]) -> Vector3<f64> {
     Vector3::from_fn(|side, _| {
         let (i, j) = SIDES[side];

@@ -81,7 +81,7 @@ pub(crate) fn common_plane(problem: &Problem) -> Option<PlaneFrame> {
     vertices.iter().all(|x| plane.height(x).abs() <= FLAT * farthest).then_some(plane)
 }
 
-/// Where a point of a region's chart lies on a plane of the world; `None` where its ray doesn't meet that.
+/// The point of a plane of the world that is seen at a point of a region's chart; `None` where its ray doesn't meet that.
 fn on_plane(plane: &PlaneFrame, region: &RegionEquations, point: &Vector2<f64>, pose: &Pose) -> Option<Vector2<f64>> {
     let chart = region.chart();
     let ray = chart.rotation.inverse() * (point / chart.scale).push(1.0);

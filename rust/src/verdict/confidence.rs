@@ -51,7 +51,7 @@ pub enum EvidenceSource {
         unseen: f64,
         /// Share of the samples near a region's contour that lie on its wrong side, the mean of the same.
         wrong: f64,
-        /// How far contours are grown, pixels.
+        /// Sigma of the contours' dilation, pixels.
         growth: f64,
     },
 }

@@ -69,7 +69,7 @@ pub(super) fn overlap_errors_of(areas: &[OverlapAreas]) -> (f64, Vec<f64>) {
     (total.error(), areas.iter().map(OverlapAreas::error).collect())
 }
 
-/// How each projected region covers the observed one.
+/// Overlap of each projected region with the observed one.
 pub(super) fn region_overlaps(problem: &Problem, pose: &Pose) -> Vec<OverlapAreas> {
     let pairs = problem.regions().iter().zip(problem.worlds());
     pairs.map(|(region, world)| region_overlap(region, world, pose)).collect()

@@ -30,7 +30,7 @@ pub(super) struct Hypothesis {
     pub(super) posterior: Option<Posterior>,
     /// Covariance of the left increment, computed on demand.
     pub(super) covariance: OnceCell<Matrix6<f64>>,
-    /// How each projected region covers the observed one, computed on demand.
+    /// Overlap of each projected region with the observed one, computed on demand.
     pub(super) overlaps: OnceCell<Vec<OverlapAreas>>,
     /// Its penalty, in variances: its deviance from the best fit plus that of the prior.
     pub(super) deviance: f64,
@@ -49,12 +49,12 @@ impl Hypothesis {
         Self { pose, minimum, fit, posterior: None, covariance, overlaps, deviance: 0.0 }
     }
 
-    /// That of the samples, or else of the contours.
+    /// Covariance by the samples, or else by the contours.
     pub(super) fn covariance(&self, problem: &Problem) -> &Matrix6<f64> {
         self.covariance.get_or_init(|| covariance(problem.contours(), &self.fit))
     }
 
-    /// How each projected region covers the observed one.
+    /// Overlap of each projected region with the observed one.
     fn overlaps(&self, problem: &Problem) -> &[OverlapAreas] {
         self.overlaps.get_or_init(|| region_overlaps(problem, &self.pose))
     }

@@ -29,7 +29,7 @@ pub(super) fn outliers(solution: &Solution, sampled: &[usize]) -> Vec<Outlier> {
     of_contours.into_iter().chain(of_samples).collect()
 }
 
-/// Those whose contours the pose projects elsewhere.
+/// Outliers by their contours.
 fn contour_outliers(solution: &Solution, sampled: &[usize]) -> Vec<Outlier> {
     let (odds, shares) = (log_odds(&solution.fit), solution.fit.clean_shares());
     // A pose by the moments is a compromise of all regions.
@@ -51,7 +51,7 @@ fn contour_outliers(solution: &Solution, sampled: &[usize]) -> Vec<Outlier> {
     (0..odds.len()).filter(elsewhere).filter_map(outlier).collect()
 }
 
-/// Those whose samples lie on the wrong sides of their contours.
+/// Outliers by the labels of their samples.
 fn sample_outliers(posterior: &Posterior, sampled: &[usize]) -> Vec<Outlier> {
     let right: Vec<f64> = posterior.wrong_fractions.iter().map(|wrong| 100.0 * (1.0 - wrong)).collect();
     let others_of = |place: usize| {

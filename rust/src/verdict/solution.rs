@@ -42,7 +42,7 @@ pub struct Solution {
 }
 
 impl Solution {
-    /// What ended its least squares before a minimum, if anything did.
+    /// The reason why its least squares ended before a minimum, if they did.
     pub(super) fn unconverged(&self) -> Option<&Termination> {
         self.minimum.as_ref().filter(|minimum| !minimum.converged).map(|minimum| &minimum.termination)
     }

@@ -16,7 +16,7 @@ pub enum Warning {
     },
     /// The search or its least squares did not end at a minimum.
     NotConverged {
-        /// What ended it.
+        /// The reason.
         termination: Termination,
     },
     /// No pose was found from the samples of regions: it is that of their outlines, by which they are judged.

@@ -80,7 +80,7 @@ impl Border {
         self.visible.edge_count()
     }
 
-    /// What the image shows of a region's rings in the chart, and the side from which they are seen: -1 from behind, where
+    /// The visible part of a region's rings in the chart, and the side from which they are seen: -1 from behind, where
     /// they turn the other way and are turned round.
     pub fn clipped(&self, mut rings: Vec<Vec<Vector2<f64>>>) -> (Clipped, f64) {
         let behind = rings.iter().map(|ring| signed_area(ring)).sum::<f64>() < 0.0;
@@ -240,7 +240,7 @@ fn joined(lines: &[Vec<Vector2<f64>>], radius: f64) -> Vec<Vector2<f64>> {
     ring
 }
 
-/// Where the ray from `a` through `b` meets a circle about the origin.
+/// Intersection of the ray from `a` through `b` and a circle about the origin.
 fn prolonged(a: &Vector2<f64>, b: &Vector2<f64>, radius: f64) -> Vector2<f64> {
     let step = (b - a).normalize();
     let along = b.dot(&step);

@@ -1,4 +1,4 @@
-//! What the camera sees of a region: rings of bearings, the region's own chart, the image's border.
+//! The image side of a region: rings of bearings, the region's own chart, the image's border.
 
 pub mod bearing_rings;
 pub mod border;

@@ -9,7 +9,7 @@ use nalgebra::Vector2;
 use super::predicates::turn;
 use super::ring::{CleanRing, ring_edges};
 
-/// Where a point lies relative to one ring.
+/// Position of a point relative to one ring.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Location {
     Inside,
@@ -18,7 +18,7 @@ pub(crate) enum Location {
     Boundary,
 }
 
-/// Where `point` lies relative to `ring`: the parity of the edges that a ray towards +x crosses.
+/// Position of `point` relative to `ring`: the parity of the edges that a ray towards +x crosses.
 pub(crate) fn location(ring: &[Vector2<f64>], point: Vector2<f64>) -> Location {
     let mut inside = false;
     for (a, b) in ring_edges(ring) {
@@ -41,7 +41,7 @@ pub(crate) fn location(ring: &[Vector2<f64>], point: Vector2<f64>) -> Location {
     if inside { Location::Inside } else { Location::Outside }
 }
 
-/// Where a ring lies among others.
+/// Nesting of a ring among others.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Nesting {
     /// The innermost ring around it.
@@ -88,7 +88,7 @@ impl PartialEq for Edge {
 
 impl Eq for Edge {}
 
-/// How rings lie inside one another, which have to be simple and apart.
+/// Nesting of simple, disjoint rings.
 ///
 /// A line is swept upwards: what lies just left of a ring where it begins is the ring around it, or one beside it.
 pub(super) fn nesting(rings: &[CleanRing]) -> Vec<Nesting> {

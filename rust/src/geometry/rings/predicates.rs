@@ -20,7 +20,7 @@ pub(crate) fn by_x_then_y(a: &Vector2<f64>, b: &Vector2<f64>) -> Ordering {
     a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y))
 }
 
-/// How the segments `(a, b)` and `(c, d)` meet, if they do.
+/// The kind of intersection of the segments `(a, b)` and `(c, d)`, if any.
 pub(crate) fn contact([a, b]: [Vector2<f64>; 2], [c, d]: [Vector2<f64>; 2]) -> Option<Contact> {
     let (side_c, side_d) = (turn(a, b, c), turn(a, b, d));
     if side_c == side_d {

@@ -30,7 +30,7 @@ impl Runs {
     }
 }
 
-/// What one pass over a mask finds.
+/// Values, window and runs of a mask, by one pass.
 pub(super) struct Scan {
     /// Rows from the first to the last that hold any coverage, and columns of the same.
     pub(super) rows: Range<usize>,
@@ -116,7 +116,7 @@ impl<T: MaskValue> Pass<T> {
         }
     }
 
-    /// What the pass found, without the rows below the last one that holds coverage.
+    /// The result of the pass, without the rows below the last one that holds coverage.
     fn scan(mut self) -> Scan {
         let range = |[first, last]: [usize; 2]| first..last + 1;
         let rows = self.rows.map_or(0..0, range);
