@@ -36,7 +36,7 @@ pub const MAX_EVALUATIONS: u64 = 2_500;
 /// let problem = Problem::new(&observed, &worlds)?;
 /// let estimate = problem.estimate()?;
 /// println!("{:?}, covariance {}", estimate.best.pose, estimate.best.covariance);
-/// estimate.warnings.iter().for_each(|warning| println!("{}: {warning}", warning.code()));
+/// estimate.warnings.iter().for_each(|warning| println!("{}: {warning:?}", warning.code()));
 /// assert!(estimate.alternatives.is_empty() && estimate.warnings.is_empty());
 /// # Ok::<(), regionpose::Error>(())
 /// ```
