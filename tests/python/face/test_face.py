@@ -219,7 +219,8 @@ def test_the_document_lists_the_public_names() -> None:
     document = (Path(__file__).resolve().parents[3] / "docs" / "reference" / "api.md").read_text(encoding="utf-8")
     blocks = re.findall(r"currentmodule:: regionpose\.?(\w*)\n(.*?)```", document, re.DOTALL)
     listed = {module: re.findall(r"^   (\w+)$", text, re.MULTILINE) for module, text in blocks}
-    expected = {module: [*getattr(rp, module).__all__] for module in MODULES}
+    # A name of the package has its page there alone.
+    expected = {module: [*{*getattr(rp, module).__all__} - {*rp.__all__}] for module in MODULES}
     expected[""] = [name for name in rp.__all__ if name not in (*MODULES, "__version__")]
     assert {name: sorted(names) for name, names in listed.items()} == {n: sorted(all_) for n, all_ in expected.items()}
     assert {*dir(rp), "__version__"} == set(rp.__all__)
