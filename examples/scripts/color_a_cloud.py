@@ -5,6 +5,6 @@ import regionpose as rp
 demo = rp.datasets.load_demo()
 pose = rp.Pose.from_parts(demo.rotation, demo.translation)
 cloud = rp.Cloud.from_points(demo.points)
-colored, visible = rp.fusion.colored_cloud(cloud, [(demo.image, demo.camera, pose)])
+colored, visible = rp.fusion.colored_cloud([(demo.camera, demo.image, pose)], cloud)
 rp.io.write_ply("colored.ply", colored)
 print(f"{visible.sum()} of {len(colored)} points colored")

@@ -364,11 +364,12 @@ def test_results_can_t_be_changed_and_can_be_copied(found: Found) -> None:
         edges_of(calibration).count = 0  # type: ignore[misc]
     ways: list[Callable[[Any], Any]] = [copy.copy, copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))]
     for other in (calibration, *(way(calibration) for way in ways)):
-        assert same(other, calibration) and other.prior == KNOWN and other.assumed == ()
-        for array in (other.estimate.covariance, *(mode.covariance for mode in other.modes)):
+        edges = edges_of(other)
+        assert same(other, calibration) and edges.prior == KNOWN and edges.assumed == ()
+        for array in (other.covariance, *(mode.covariance for mode in edges.modes)):
             with pytest.raises(ValueError, match="read-only"):
                 array[0, 0] = 1.0
-    assert repr(calibration).startswith("Calibration(PoseEstimate(Pose(")
+    assert repr(calibration).startswith(f"PoseEstimate({calibration.status.value}, confidence=")
 
 
 def test_modes_keep_their_own_arrays() -> None:

@@ -161,7 +161,9 @@ def test_a_script_that_its_workers_would_run_again_is_told_so(tmp_path: Path) ->
         "run_study(study_named('regions'), 1, workers=2)\n",
         encoding="utf-8",
     )
-    ended = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=60, check=False)
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, str(script)]
+    ended = subprocess.run(command, env=paths, capture_output=True, text=True, timeout=60, check=False)
     assert ended.returncode == 1
     assert 'needs `if __name__ == "__main__":`' in ended.stderr
 

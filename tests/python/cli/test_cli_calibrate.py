@@ -118,7 +118,7 @@ def test_a_folder_gives_the_pose_that_its_scene_file_gives(
     result = json.loads(said)
     assert turn_from_truth(pose_of(result)) < 0.3
     assert np.linalg.norm(pose_of(result).camera_center - POSE.camera_center) < 0.03
-    names = [region["name"] for region in result["regions"]]
+    names = [region["name"] for region in result["diagnostics"]["regions"]]
     assert names == ["0001: floor", "0001: wall", "0002: floor", "0002: wall", "0003: floor", "0003: wall"]
     assert {"scene.yaml", "overlay_3.png", "report.html"} <= {path.name for path in out.iterdir()}
     code_again, said, _ = run(capsys, "estimate", out / "scene.yaml", "--out", again, "--json", "--quiet")
