@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from regionpose.alignment.photo import Photo, blurred
 from scipy.ndimage import gaussian_filter
 
+pytestmark = pytest.mark.slow
+
 Array = NDArray[np.float64]
 
 

@@ -21,6 +21,8 @@ from regionpose.progress import UnwantedError, while_wanted
 from regionpose.solve.options import EXACT_EXPOSURE
 from regionpose.solve.prior import MOUNT_SIGMA_M
 
+pytestmark = pytest.mark.slow
+
 Array = NDArray[np.float64]
 
 KNOWN = rp.Prior(camera_near=[0.0, 0.0, 0.0], camera_near_sigma_m=0.5, up=[0.0, 0.0, 1.0], up_sigma_deg=3.0)

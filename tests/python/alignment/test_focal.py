@@ -9,6 +9,8 @@ from card_scenes import CAMERA, PLACES, POSE, SHAPE, cards
 from diagnostics import edges_of, focal_of
 from numpy.typing import NDArray
 
+pytestmark = pytest.mark.slow
+
 Array = NDArray[np.float64]
 
 

@@ -18,6 +18,8 @@ from regionpose.scene.headline import headline
 from regionpose.solve.options import EXACT_EXPOSURE
 from scipy.spatial.transform import Rotation
 
+pytestmark = pytest.mark.slow
+
 Array = NDArray[np.float64]
 
 DOOR = np.array([[-0.6, -0.8, 3.6], [0.4, -0.8, 4.6], [0.4, 1.1, 4.6], [-0.6, 1.1, 3.6]])

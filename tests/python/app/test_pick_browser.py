@@ -31,7 +31,7 @@ httpx = pytest.importorskip("httpx", reason="needs the package httpx")
 CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
 )
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs the browser chromium")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="needs the browser chromium")]
 
 SIZE = (1280, 960)
 WAIT_MS = 120_000

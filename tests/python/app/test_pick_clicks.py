@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from regionpose.solve.status import PoseStatus
 
+pytestmark = pytest.mark.slow
+
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
 NATURAL = DATA / "natural"
 

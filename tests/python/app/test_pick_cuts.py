@@ -15,6 +15,8 @@ from regionpose.app.shared_session import SharedSession
 from regionpose.io.clouds import Cloud
 from regionpose.scene.region_sides import Scan
 
+pytestmark = pytest.mark.slow
+
 SQUARE = [[100.0, 100.0], [160.0, 100.0], [160.0, 150.0], [100.0, 150.0]]
 
 

@@ -34,6 +34,8 @@ from regionpose.scene.estimate import estimate_scene
 from regionpose.scene.loading import load_scene
 from regionpose.solve.estimate import Alternative
 
+pytestmark = pytest.mark.slow
+
 COLMAP = "1 PINHOLE 480 320 260 260 240 160\n"
 SHARED = {"initial_rotation_sigma_deg": 5.0, "initial_center_sigma_m": 0.3, "up": [0.0, 0.0, 1.0], "up_sigma_deg": 3.0}
 PRIOR = {"initial": {"camera_from_world": {"matrix": pose_of(45.0).matrix.tolist()}}, **SHARED}

@@ -24,6 +24,8 @@ from regionpose.progress import UnwantedError, check_wanted, while_wanted
 from regionpose.scene.estimate import with_edges
 from regionpose.scene.stages import Stages
 
+pytestmark = pytest.mark.slow
+
 """Seconds that a busy machine may take for what takes one."""
 
 SOON_S = 5.0

@@ -25,7 +25,7 @@ from test_pick_browser import (  # noqa: E402
     started,
 )
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs the browser chromium")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="needs the browser chromium")]
 
 RING = [(200.0, 200.0), (320.0, 200.0), (320.0, 330.0), (200.0, 330.0)]
 

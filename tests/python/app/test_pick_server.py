@@ -18,7 +18,7 @@ import pytest
 
 pytest.importorskip("nicegui", reason="needs the extra pick")
 resource = pytest.importorskip("resource", reason="needs POSIX")
-pytestmark = pytest.mark.skipif(os.name == "nt", reason="needs signals and a shell")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.name == "nt", reason="needs signals and a shell")]
 
 BROWSER = """#!/bin/sh
 printf '%s\\n' "$@" > {told}.part

@@ -21,6 +21,8 @@ from regionpose.scene.estimate import SceneEstimate, estimate_scene
 from regionpose.scene.fit import region_fits, scene_fit
 from regionpose.scene.loading import load_scene
 
+pytestmark = pytest.mark.slow
+
 SQUARE = [[100.0, 100.0], [160.0, 100.0], [160.0, 150.0], [100.0, 150.0]]
 
 

@@ -25,6 +25,8 @@ from benchmarks.synthetic.studies import (
 from benchmarks.synthetic.studies.dispatch import Dispatcher
 from benchmarks.synthetic.studies.storage import Journal, OtherSettingsError
 
+pytestmark = pytest.mark.slow
+
 CALLS = "REGIONPOSE_TEST_CALLS"
 """Environment variable with the folder in which problems of the tests leave a file each time they are made."""
 

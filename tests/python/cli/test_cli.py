@@ -19,6 +19,8 @@ from regionpose.io.calibrations.poses import read_pose
 from regionpose.io.clouds import read_cloud
 from scene_files import POSE, scene_values, write_scene
 
+pytestmark = pytest.mark.slow
+
 COMMANDS = ("estimate", "calibrate", "segment", "fuse", "project", "demo", "info", "schema")
 
 

@@ -23,6 +23,8 @@ from rich.console import Console
 from scene_files import scene_values, write_scene
 from waiting import write_waiting_scene
 
+pytestmark = pytest.mark.slow
+
 pty = pytest.importorskip("pty")
 
 AT_ONCE = "from regionpose.cli import console, main; console.SHOWN_AFTER_S = 0.0; raise SystemExit(main())"

@@ -17,6 +17,8 @@ import regionpose as rp
 
 from benchmarks.synthetic import perspective_scene
 
+pytestmark = pytest.mark.slow
+
 SOON_S = 1.0
 """A user waits so long at the most."""
 

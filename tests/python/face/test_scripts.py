@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from public_names import PUBLIC
 
+pytestmark = pytest.mark.slow
+
 SCRIPTS = sorted((Path(__file__).resolve().parents[3] / "examples" / "scripts").glob("*.py"))
 
 MOST_LINES = 20

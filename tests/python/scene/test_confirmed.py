@@ -8,6 +8,8 @@ import regionpose as rp
 from made_up_worlds import CAMERA, World, made_world
 from scipy.spatial.transform import Rotation
 
+pytestmark = pytest.mark.slow
+
 SCANNER = (0.0, 0.0, 0.0)
 
 

@@ -33,6 +33,8 @@ from regionpose.scene.stages import Stages
 from scene_files import PLATES
 from scene_files import write_scene as write_plates
 
+pytestmark = pytest.mark.slow
+
 LENS = {"model": "pinhole", "fx": 260.0, "fy": 260.0, "cx": 239.5, "cy": 159.5, "width": 480, "height": 320}
 COLMAP = "1 PINHOLE 480 320 260 260 240 160\n"
 """The same, whose pixels count from the corner."""

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from regionpose.alignment import pose_search
 from regionpose.scene.loading import Scene, load_scene
 
+pytestmark = pytest.mark.slow
+
 PHOTOS, CLOUDS, INFO = "/rig/front/image_raw", "/lidar/points", "/rig/front/camera_info"
 STANDS_S = ((0.0, 2.0), (5.0, 6.0))
 """When the rig stands at the first place and at the second one, seconds; it moves in between."""

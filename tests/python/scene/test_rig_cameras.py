@@ -19,6 +19,8 @@ from regionpose.io.clouds import Cloud, write_ply
 from regionpose.io.yaml_text import to_yaml
 from regionpose.scene.loading import load_scene
 
+pytestmark = pytest.mark.slow
+
 LENS = "1 PINHOLE 480 320 260 260 240 160\n"
 HEADINGS_DEG = {"front": 10.0, "left": 100.0}
 MOUNTS = ("--mount", "front=front", "--mount", "left=left", "--up", "z", "--near", "0.3")

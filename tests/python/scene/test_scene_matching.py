@@ -22,6 +22,8 @@ from regionpose.scene.loading import load_scene
 from regionpose.scene.result import scene_result
 from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH, scene_values, write_scene
 
+pytestmark = pytest.mark.slow
+
 SIDES = {"image": "image_regions", "world": "world_regions"}
 
 

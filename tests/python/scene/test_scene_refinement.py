@@ -24,6 +24,8 @@ from regionpose.scene.loading import load_scene
 from regionpose.scene.stages import Stages
 from scene_files import scene_values, write_scene
 
+pytestmark = pytest.mark.slow
+
 ORIGIN = np.array([431_999.0, 5_400_000.0, 119.0])
 """Where the world lies: far away, as maps have it."""
 
