@@ -67,6 +67,7 @@ def export(
     """
     from regionpose.io.calibrations.poses import PoseSource, read_pose_file
     from regionpose.io.exports import ExportedView, exported
+    from regionpose.io.exports.view import checked_frame
 
     result = _result_values(pose)
     placed = read_pose_file(pose, PoseSource(camera_name, camera, image))
@@ -75,9 +76,9 @@ def export(
         placed.pose,
         _camera(result, camera, camera_name, camera_model, rectified),
         image or _image(pose, result, out),
-        _frame("--world-frame", world_frame),
-        _frame("--camera-frame", camera_frame),
-        body or name is FormatName.autoware,
+        checked_frame("--world-frame", world_frame),
+        checked_frame("--camera-frame", camera_frame),
+        body,
     )
     files = exported(view, name.value)
     if out is None:
@@ -114,10 +115,3 @@ def _camera(
         return load_camera(path, name, model=model, rectified=rectified)
     values = result.get("camera")
     return camera_of_values(values) if isinstance(values, dict) else None
-
-
-def _frame(option: str, name: str) -> str:
-    """A frame's name, which stands in commands and in XML; ValueError for one with other signs."""
-    if not name or not all(letter.isalnum() or letter in "_/-." for letter in name):
-        raise ValueError(f"{option}: found {name!r}; needed letters, digits, _, /, - and . alone")
-    return name

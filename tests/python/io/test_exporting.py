@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import regionpose as rp
 from numpy.typing import NDArray
 from regionpose import FisheyeCamera, PinholeCamera, Pose, load_camera
 from regionpose.cameras import Camera, OcamCamera, UnifiedCamera
@@ -235,3 +236,18 @@ def test_a_frame_s_name_cannot_carry_a_command(tmp_path: Path, capsys: pytest.Ca
     arguments = ["export", str(tmp_path / "result.json"), "--format", "tf2", "--camera-frame", "a; rm -rf /"]
     assert main(arguments) == 2
     assert "--camera-frame" in capsys.readouterr().err
+
+
+def test_a_pose_is_written_from_python_as_by_the_command(tmp_path: Path) -> None:
+    (path,) = rp.io.write_pose(tmp_path / "ros", POSE, "autoware", world_frame="base")
+    assert path.read_text(encoding="utf-8") == exported(view(body=True, world_frame="base"), "autoware")[path.name]
+    with pytest.raises(FileExistsError):
+        rp.io.write_pose(tmp_path / "ros", POSE, "autoware", world_frame="base")
+    with pytest.raises(ValueError, match="camera_frame"):
+        rp.io.write_pose(tmp_path, POSE, "tf2", camera_frame="a; rm -rf /")
+    with pytest.raises(ValueError, match="tf2"):
+        rp.io.write_pose(tmp_path, POSE, "no-such-tool")
+
+
+def test_autoware_has_a_body_frame_in_any_case() -> None:
+    assert exported(view(), "autoware") == exported(view(body=True), "autoware")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -69,6 +69,7 @@ def _urdf(view: ExportedView) -> Files:
 
 
 def _autoware(view: ExportedView) -> Files:
+    view = replace(view, body=True)
     turn, place = view.world_from_frame
     values = dict(zip(("x", "y", "z", "roll", "pitch", "yaw"), [*place, *turn.as_euler("xyz")], strict=True))
     rows = "".join(f"    {key}: {_number(value)}\n" for key, value in values.items())

@@ -32,6 +32,11 @@ class ExportedView:
     camera_frame: str = "camera"
     body: bool = False
 
+    def __post_init__(self) -> None:
+        """Check the names of the frames."""
+        checked_frame("world_frame", self.world_frame)
+        checked_frame("camera_frame", self.camera_frame)
+
     @property
     def world_from_frame(self) -> tuple[Rotation, Array]:
         """Rotation and translation (3,) that take the camera frame's points to the world: its place there."""
@@ -62,6 +67,13 @@ def camera_values(camera: Camera) -> dict[str, object]:
         if field.init and value is not None:
             values[field.name] = np.asarray(value).tolist()
     return values
+
+
+def checked_frame(item: str, name: str) -> str:
+    """A frame's name, which stands in commands and in XML; ValueError, naming the item, for one with other signs."""
+    if not name or not all(letter.isalnum() or letter in "_/-." for letter in name):
+        raise ValueError(f"{item}: found {name!r}; needed letters, digits, _, /, - and . alone")
+    return name
 
 
 def camera_of_values(values: dict[str, object]) -> Camera:

@@ -34,8 +34,7 @@ def write_pose(
     pose : Pose
         `camera_from_world`, meters.
     tool : str
-        The format: autoware, colmap, kitti, meshlab, nerfstudio, opencv, tf2, urdf and others of
-        `regionpose export --help`.
+        The format: autoware, colmap, kalibr, meshlab, nerfstudio, nuscenes, opencv, tf2 or urdf.
     camera : Camera, optional
         Of the photo; some formats need it, with its size.
     image : str, optional
@@ -43,7 +42,7 @@ def write_pose(
     world_frame, camera_frame : str
         Names of the frames, in formats that have such.
     body : bool
-        Of ROS: the camera frame has x forward, y left, z up, and is not the optical one.
+        Of ROS: the camera frame has x forward, y left, z up, and is not the optical one; Autoware's always is so.
     force : bool
         Replace files that are there.
 
@@ -55,6 +54,6 @@ def write_pose(
         Without `force`, for files that are there.
 
     """
-    view = ExportedView(pose, camera, image, world_frame, camera_frame, body or tool == "autoware")
+    view = ExportedView(pose, camera, image, world_frame, camera_frame, body)
     files = exported(view, tool)
     return write_files(Path(folder), {name: text_writer(text) for name, text in files.items()}, force=force)
