@@ -50,12 +50,18 @@ def regions_from_mesh(mesh: TriangleMesh, *, angle_deg: float = 1.0, least_share
     Raises
     ------
     ValueError
-        For arrays of another shape, indices that aren't there, and where no facet is left.
+        For arrays of another shape, indices that aren't there, an angle or a share out of range, and where no facet is
+        left.
     """
+    if not 0.0 < angle_deg < 90.0:
+        raise ValueError(f"angle_deg is {angle_deg}; needed an angle above 0 and below 90")
+    if not 0.0 <= least_share <= 1.0:
+        raise ValueError(f"least_share is {least_share}; needed a fraction")
     vertices, given = mesh_parts(mesh)
-    triangles = _welded(vertices, np.asarray(given, dtype=np.intp))
+    triangles = np.asarray(given, dtype=np.intp)
     if not triangles.size or triangles.min() < 0 or triangles.max() >= len(vertices):
         raise ValueError(f"mesh has triangles of {len(vertices)} vertices that aren't there; needed indices below that")
+    triangles = _welded(vertices, triangles)
     shapes = _Triangles.of(vertices, triangles)
     facets = [
         _Facet.of(vertices, shapes, members) for members in _grown(vertices, shapes, np.cos(np.radians(angle_deg)))
@@ -128,8 +134,6 @@ def _welded(vertices: Array, triangles: Indices) -> Indices:
     extent = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
     if extent == 0.0 or not np.isfinite(extent):
         raise ValueError(f"mesh has {len(vertices)} vertices with an extent of {extent:g}; needed finite ones apart")
-    if triangles.size and (triangles.min() < 0 or triangles.max() >= len(vertices)):
-        return triangles
     places = np.round(vertices / (WELD_SHARE * extent))
     _, first, inverse = np.unique(places, axis=0, return_index=True, return_inverse=True)
     return np.asarray(first[inverse.ravel()][triangles])

@@ -10,6 +10,9 @@ import numpy as np
 from regionpose.io.masks.mask_items import Drawn, polygon_mask
 from regionpose.validation.foreign import as_array
 
+MASK_AXES = 2
+"""Axes of masks beyond those of their scores, which tell a predictor's tuple from a tuple of masks."""
+
 
 def output_masks(output: Any) -> Any:
     """What of a segmenter's output holds its masks: an array (n, h, w), or a sequence of masks.
@@ -26,7 +29,7 @@ def output_masks(output: Any) -> Any:
         return _of_ultralytics(output.masks)
     if hasattr(output, "mask") and hasattr(output, "xyxy"):
         return _found(output.mask, "detections")
-    if isinstance(output, tuple) and len(output) >= 2 and not isinstance(output[0], Mapping):
+    if isinstance(output, tuple) and len(output) >= 2 and np.ndim(output[0]) - np.ndim(output[1]) == MASK_AXES:
         return _by_score(*output[:2])
     if _is_list_of_keys(output, "mask"):
         return [entry["mask"] for entry in output]
@@ -57,7 +60,9 @@ def _of_ultralytics(masks: Any) -> Any:
     if data.shape[1:] == size:
         return data
     # Its polygons have integers at the centers of pixels.
-    return np.stack([polygon_mask([Drawn(np.asarray(ring, dtype=np.float64))], size) for ring in masks.xy])
+    return np.stack(
+        [polygon_mask([Drawn(np.asarray(ring, dtype=np.float64).reshape(-1, 2))], size) for ring in masks.xy]
+    )
 
 
 def _by_score(masks: Any, scores: Any) -> Any:
@@ -65,6 +70,8 @@ def _by_score(masks: Any, scores: Any) -> Any:
     stack, ranks = as_array(masks, "masks", "(n, h, w)"), as_array(scores, "scores", "(n,)")
     if ranks.shape != stack.shape[:-2]:
         raise ValueError(f"scores have shape {ranks.shape}; needed {stack.shape[:-2]}, one a mask")
+    if ranks.ndim == 0:
+        return stack
     if ranks.ndim == 2:
         return np.take_along_axis(stack, ranks.argmax(axis=1)[:, None, None, None], axis=1)[:, 0]
     return stack[np.argsort(-ranks, kind="stable")]
