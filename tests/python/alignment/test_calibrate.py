@@ -15,11 +15,11 @@ from diagnostics import edges_of
 from made_up_worlds import CAMERA, World, made_world, pose_of
 from numpy.typing import NDArray
 from regionpose import _core
-from regionpose.alignment import pose_search
 from regionpose.alignment.edge_frame import EdgeFrame
 from regionpose.progress import UnwantedError, while_wanted
 from regionpose.solve.options import EXACT_EXPOSURE
 from regionpose.solve.prior import MOUNT_SIGMA_M
+from small_searches import draw_fewer, two_worlds
 
 pytestmark = pytest.mark.slow
 
@@ -48,7 +48,7 @@ class Found(NamedTuple):
 @pytest.fixture(scope="module")
 def worlds() -> list[World]:
     """Two places at which one rig stood."""
-    return [made_world(5), made_world(3)]
+    return two_worlds()
 
 
 @pytest.fixture(scope="module")
@@ -60,8 +60,7 @@ def found(worlds: list[World]) -> Found:
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Far fewer poses are looked at than a search needs."""
-    monkeypatch.setattr(pose_search, "DRAWS", 2_000)
-    monkeypatch.setattr(pose_search, "KEPT", (60, 20, 6))
+    draw_fewer(monkeypatch, 2_000, (60, 20, 6))
 
 
 def about_mount(pose: rp.Pose, sigma_deg: float = 20.0, sigma_m: float = 0.5) -> rp.Prior:

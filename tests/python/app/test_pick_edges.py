@@ -16,7 +16,7 @@ import pytest
 import regionpose as rp
 from commands import run
 from diagnostics import edges_of
-from made_up_worlds import World, made_world, pose_of
+from made_up_worlds import World, pose_of
 from pick_sessions import holds
 from PIL import Image
 from regionpose.alignment import pose_search
@@ -33,6 +33,7 @@ from regionpose.scene.document import SceneError
 from regionpose.scene.estimate import estimate_scene
 from regionpose.scene.loading import load_scene
 from regionpose.solve.estimate import Alternative
+from small_searches import draw_fewer, two_worlds
 
 pytestmark = pytest.mark.slow
 
@@ -49,14 +50,13 @@ SQUARE = [[200.0, 140.0], [280.0, 140.0], [280.0, 200.0], [200.0, 200.0]]
 
 @pytest.fixture(scope="module")
 def worlds() -> list[World]:
-    return [made_world(5), made_world(3)]
+    return two_worlds()
 
 
 @pytest.fixture(autouse=True)
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Far fewer poses are looked at than a search needs."""
-    monkeypatch.setattr(pose_search, "DRAWS", 1_000)
-    monkeypatch.setattr(pose_search, "KEPT", (40, 12, 4))
+    draw_fewer(monkeypatch)
 
 
 def write_pair(folder: Path, world: World, name: str) -> None:

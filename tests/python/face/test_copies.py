@@ -52,57 +52,78 @@ CLASSES = {held for held in PUBLIC.values() if inspect.isclass(held)}
 @cache
 def public_objects() -> dict[str, list[Any]]:
     """Objects of all public classes, by the class's name: what estimates take and give, and what a few calls give."""
-    demo, (camera, frames) = load_demo(), fisheye_frames(0, 2)
-    pose = rp.Pose(Rotation.from_matrix(demo.rotation), demo.translation)
-    few = np.ascontiguousarray(demo.points[::20])
-    polygons = [rp.WorldRegion.from_polygon(region.rings) for region in demo.regions[:2]]
-    outlines = [
-        rp.ImageRegion.from_polygon([demo.camera.project(pose @ ring) for ring in region.rings])
-        for region in demo.regions[:2]
-    ]
     with TemporaryDirectory() as place:
         scene = estimate_scene(load_scene(write_scene(Path(place))))
+    with pytest.raises(rp.PoseError) as failed:
+        raise rp.PoseError("no pose")
+    found: dict[str, list[Any]] = {}
+    for each in (*cameras(), scene, *estimates(), *regions(), *parts_of_results(), failed.value):
+        for _, part in parts_of(each):
+            if type(part) in CLASSES or part is scene:
+                found.setdefault(type(part).__name__, []).append(part)
+    return found
+
+
+def demo_pose() -> rp.Pose:
+    """The demo's true pose."""
+    return rp.Pose(Rotation.from_matrix(load_demo().rotation), load_demo().translation)
+
+
+def demo_regions() -> tuple[list[rp.ImageRegion], list[rp.WorldRegion]]:
+    """Two of the demo's regions, exact on both sides."""
+    demo, pose = load_demo(), demo_pose()
+    rings = [region.rings for region in demo.regions[:2]]
+    images = [rp.ImageRegion.from_polygon([demo.camera.project(pose @ ring) for ring in each]) for each in rings]
+    return images, [rp.WorldRegion.from_polygon(each) for each in rings]
+
+
+def estimates() -> list[Any]:
+    """Estimates of every kind, and what they were made from."""
+    demo, (camera, frames), (images, worlds) = load_demo(), fisheye_frames(0, 2), demo_regions()
     rig = rp.estimate_rig(camera, frames)
-    matches = rp.match_regions(demo.camera, outlines, polygons)
-    whole = rp.Cloud.from_points(
-        few[:9] + 1e5, fields={"ring": np.arange(9)}, intensity=np.ones(9), triangles=np.array([[0, 1, 2]])
-    )
+    return [
+        rp.calibrate([rp.SceneFrame(demo.image, demo.points[::4], demo.camera, images, None, worlds)]),
+        rp.SceneFrame(demo.image, np.ascontiguousarray(demo.points[::20]), demo.camera),
+        *(rig, rig.sigma, *frames),
+        rp.match_regions(demo.camera, images, worlds),
+        rp.Prior(camera_near=demo_pose().camera_center, camera_near_sigma_m=0.5),
+        rp.Solver(),
+    ]
+
+
+def regions() -> list[Any]:
+    """Regions of both sides of every kind, and clouds."""
+    demo, (images, worlds) = load_demo(), demo_regions()
     members = demo.regions[0].point_indices[::4]
-    calibration = rp.calibrate([rp.SceneFrame(demo.image, demo.points[::4], demo.camera, outlines, None, polygons)])
-    objects: list[Any] = [
-        *cameras(),
-        *(calibration, scene, rig, matches, *outlines, *polygons, whole),
-        rp.scene.ConfirmedRegions(
-            (rp.scene.ConfirmedRegion("plane 1", outlines[0], polygons[0], members, 3.0, 0.5),), 2, 3.0
+    return [
+        *images,
+        *worlds,
+        rp.Cloud.from_points(
+            demo.points[:9] + 1e5, fields={"ring": np.arange(9)}, intensity=np.ones(9), triangles=np.array([[0, 1, 2]])
         ),
         rp.read_cloud(demo_folder() / "cloud.ply"),
-        rp.fusion.PosedImage(demo.camera, np.zeros((4, 6), dtype=np.uint8), pose),
-        rp.SceneFrame(demo.image, few, demo.camera),
-        rp.PoseStatus.CHECK,
-        rig.sigma,
-        rp.Prior(camera_near=pose.camera_center, camera_near_sigma_m=0.5),
-        rp.Solver(),
         rp.WorldRegion.from_points(demo.points[members]).with_viewpoint(np.zeros(3)),
         rp.ImageRegion.from_polygon([[10, 10], [110, 10], [110, 60], [10, 60]], hidden_edges=[1]),
         rp.ImageRegion.from_mask(np.pad(np.ones((20, 30)), 5)),
+        rp.scene.ConfirmedRegions(
+            (rp.scene.ConfirmedRegion("plane 1", images[0], worlds[0], members, 3.0, 0.5),), 2, 3.0
+        ),
+    ]
+
+
+def parts_of_results() -> list[Any]:
+    """Parts of results that no estimate here holds."""
+    demo, pose = load_demo(), demo_pose()
+    return [
+        rp.fusion.PosedImage(demo.camera, np.zeros((4, 6), dtype=np.uint8), pose),
+        rp.PoseStatus.CHECK,
+        rp.PoseWarning(rp.WarningCode.AMBIGUOUS_REGION, (0,)),
         rp.solve.Alternative(pose, np.eye(6), 0.5, 0.5, 0.1, np.zeros(2)),
         rp.solve.SharedEdge((0, 1), np.zeros((2, 3))),
         rp.solve.CameraRefinement(
             demo.camera, pose, "refined", ("fx",), np.zeros(1), np.zeros(1), np.eye(7), (), (1.0, 0.5)
         ),
-        *frames,
-        rp.PoseWarning(rp.WarningCode.AMBIGUOUS_REGION, (0,)),
     ]
-    with pytest.raises(rp.PoseError) as failed:
-        raise rp.PoseError("no pose")
-    objects.append(failed.value)
-    found: dict[str, list[Any]] = {}
-    for each in objects:
-        for _, part in parts_of(each):
-            name = type(part).__name__
-            if type(part) in CLASSES or part is scene:
-                found.setdefault(name, []).append(part)
-    return found
 
 
 def cameras() -> list[Any]:

@@ -15,9 +15,8 @@ import pytest
 import regionpose as rp
 from commands import run
 from diagnostics import edges_of
-from made_up_worlds import CAMERA, World, made_world, pose_of
+from made_up_worlds import CAMERA, World, pose_of
 from PIL import Image
-from regionpose.alignment import pose_search
 from regionpose.io.clouds import Cloud, write_ply
 from regionpose.io.yaml_text import to_yaml
 from regionpose.progress import UnwantedError, while_wanted
@@ -32,6 +31,7 @@ from regionpose.scene.result import scene_result
 from regionpose.scene.stages import Stages
 from scene_files import PLATES
 from scene_files import write_scene as write_plates
+from small_searches import draw_fewer, two_worlds
 
 pytestmark = pytest.mark.slow
 
@@ -55,14 +55,13 @@ FAR = np.array([431_000.0, 5_230_000.0, 440.0])
 
 @pytest.fixture(scope="module")
 def worlds() -> list[World]:
-    return [made_world(5), made_world(3)]
+    return two_worlds()
 
 
 @pytest.fixture(autouse=True)
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Far fewer poses are looked at than a search needs."""
-    monkeypatch.setattr(pose_search, "DRAWS", 1_000)
-    monkeypatch.setattr(pose_search, "KEPT", (40, 12, 4))
+    draw_fewer(monkeypatch)
 
 
 def write_pair(folder: Path, world: World, name: str, shift: Any = (0.0, 0.0, 0.0)) -> None:

@@ -12,10 +12,10 @@ import pytest
 import regionpose as rp
 from bag_files import BEGIN, MATRICES, SECOND, Bag
 from commands import run
-from made_up_worlds import CAMERA, World, made_world
+from made_up_worlds import CAMERA, World
 from numpy.typing import NDArray
-from regionpose.alignment import pose_search
 from regionpose.scene.loading import Scene, load_scene
+from small_searches import draw_fewer, two_worlds
 
 pytestmark = pytest.mark.slow
 
@@ -31,14 +31,13 @@ SEEN = {**MATRICES, "d": np.zeros(5), "k": CAMERA.matrix.ravel()}
 
 @pytest.fixture(scope="module")
 def worlds() -> list[World]:
-    return [made_world(5), made_world(3)]
+    return two_worlds()
 
 
 @pytest.fixture(autouse=True)
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fewer poses are looked at than a search of all needs."""
-    monkeypatch.setattr(pose_search, "DRAWS", 6_000)
-    monkeypatch.setattr(pose_search, "KEPT", (200, 40, 8))
+    draw_fewer(monkeypatch, 6_000, (200, 40, 8))
 
 
 def scan_of(world: World) -> NDArray[np.void]:

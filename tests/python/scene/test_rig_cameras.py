@@ -13,11 +13,11 @@ import regionpose as rp
 from commands import run
 from made_up_worlds import World, made_world
 from PIL import Image
-from regionpose.alignment import pose_search
 from regionpose.cli.console import Progress
 from regionpose.io.clouds import Cloud, write_ply
 from regionpose.io.yaml_text import to_yaml
 from regionpose.scene.loading import load_scene
+from small_searches import draw_fewer
 
 pytestmark = pytest.mark.slow
 
@@ -35,8 +35,7 @@ def worlds() -> dict[str, World]:
 @pytest.fixture(autouse=True)
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fewer poses are looked at than a search of all needs."""
-    monkeypatch.setattr(pose_search, "DRAWS", 4_000)
-    monkeypatch.setattr(pose_search, "KEPT", (120, 30, 6))
+    draw_fewer(monkeypatch, 4_000, (120, 30, 6))
 
 
 @pytest.fixture

@@ -1,45 +1,45 @@
-"""What frames and edges say of an estimate, for tests that know that it is there."""
+"""Parts of an estimate's diagnostics that a test needs to be there."""
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import regionpose as rp
+
+Part = TypeVar("Part")
+
+
+def present(part: Part | None) -> Part:
+    """The part, which is not None."""
+    assert part is not None
+    return part
 
 
 def rig_of(estimate: rp.PoseEstimate) -> rp.solve.RigDiagnostics:
     """How the frames of a rig fit."""
-    assert estimate.diagnostics.rig is not None
-    return estimate.diagnostics.rig
+    return present(estimate.diagnostics.rig)
 
 
 def edges_of(estimate: rp.PoseEstimate) -> rp.solve.EdgeDiagnostics:
-    """What edges of photos and clouds say."""
-    assert estimate.diagnostics.edges is not None
-    return estimate.diagnostics.edges
+    """The evidence of edges of photos and clouds."""
+    return present(estimate.diagnostics.edges)
 
 
 def regions_only_of(estimate: rp.PoseEstimate) -> rp.solve.RegionsOnly:
     """The estimate without edges."""
-    found = edges_of(estimate).regions_only
-    assert found is not None
-    return found
+    return present(edges_of(estimate).regions_only)
 
 
 def refinement_of(estimate: rp.PoseEstimate) -> rp.solve.CameraRefinement:
     """The refinement of a rig's camera."""
-    found = rig_of(estimate).refinement
-    assert found is not None
-    return found
+    return present(rig_of(estimate).refinement)
 
 
 def between_frame_sigma_of(estimate: rp.PoseEstimate) -> rp.solve.BetweenFrameSigma:
     """How far frames are off as wholes."""
-    found = rig_of(estimate).between_frame_sigma
-    assert found is not None
-    return found
+    return present(rig_of(estimate).between_frame_sigma)
 
 
 def focal_of(estimate: rp.PoseEstimate) -> rp.solve.FocalEvidence:
-    """What edges say of the focal lengths."""
-    found = edges_of(estimate).focal
-    assert found is not None
-    return found
+    """The evidence of edges on the focal lengths."""
+    return present(edges_of(estimate).focal)
