@@ -42,7 +42,7 @@ LABELS = np.zeros((12, 16), dtype=np.uint8)
 LABELS[2:6, 2:8], LABELS[7:11, 9:15] = 1, 2
 REGIONS = [
     {"name": "a", "image": {"mask": "m.png", "label": 1}, "world": {"points": "p.npy", "label": 2}},
-    {"name": "b", "image": {"seed": [3, 4], "tolerance": 2.0}, "world": {"seed": [1, 2, 3], "seen_from": [0, 0, 0]}},
+    {"name": "b", "image": {"seed": [3, 4], "tolerance": 2.0}, "world": {"seed": [1, 2, 3], "viewpoint": [0, 0, 0]}},
     {
         "name": "c",
         "image": {"polygon": [[0, 0], [9, 0], [9, 9]], "hidden_edges": [1]},

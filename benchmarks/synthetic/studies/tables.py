@@ -222,7 +222,7 @@ def _silent(results: Results) -> list[str]:
     lines = []
     for row in rows[:SHOWN_SILENT]:
         chosen = " ".join(f"--only '{name}={row[name]}'" for name in results.varying())
-        command = f"regionpose evaluate {study} --seed {row['seed']} --scenes 1 {chosen}".rstrip()
+        command = f"python -m benchmarks {study} --seed {row['seed']} --scenes 1 {chosen}".rstrip()
         lines.append(f"- {row['rotation_deg']:.1f} deg, {row['templates_drawn']}: `{command}`")
     left = len(rows) - len(lines)
     more = [f"- and {left} others; the rows hold them all"] if left > 0 else []

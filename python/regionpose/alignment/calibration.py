@@ -30,8 +30,8 @@ from regionpose.validation.arrays import finite_array
 Array = NDArray[np.float64]
 
 SEARCHED, FOCAL_TRIED = 0.75, 0.95
-"""Shares of the time after which maxima are found, and other focal lengths tried: about those of a
-street frame, for who waits."""
+"""Shares of the progress at which maxima are found, and other focal lengths tried: about those of the time that a
+street frame takes."""
 
 
 @checked_arguments
@@ -143,7 +143,7 @@ def calibrate_with(
 
 
 def _regions_only(estimate: PoseEstimate, pose: Pose) -> RegionsOnly:
-    """The estimate by regions alone beside the pose that edges led to."""
+    """The estimate by regions alone, compared with the pose by regions and edges."""
     answers = enumerate(answers_of(estimate))
     rank, answer = next(((k + 1, each.pose) for k, each in answers if is_same(each.pose, pose)), (None, None))
     if answer is None:

@@ -184,10 +184,10 @@ def colored_cloud(
 
     Parameters
     ----------
+    views : iterable of PosedImage or tuples
+        Camera, image and pose of each.
     cloud : Cloud
         In the world of the poses.
-    views : iterable of PosedImage or tuples
-        Image, camera and pose of each.
     normals : (n, 3) array, optional
         As of `blend_colors`.
 

@@ -385,7 +385,8 @@ def _rebased(estimate: PoseEstimate, origin: Array) -> PoseEstimate:
     rig, edges = whole.rig, whole.edges
     if rig is not None:
         ones = tuple(replace(one, pose=one.pose.rebase(origin)) for one in rig.leave_one_out)
-        rig = replace(rig, leave_one_out=ones)
+        refined = None if rig.refinement is None else replace(rig.refinement, pose=rig.refinement.pose.rebase(origin))
+        rig = replace(rig, leave_one_out=ones, refinement=refined)
     diagnostics = replace(
         whole,
         alternatives=alternatives,

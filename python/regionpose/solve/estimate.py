@@ -51,7 +51,7 @@ class PoseWithCovariance(KeptArrays):
     covariance: Array
 
     def __post_init__(self) -> None:
-        """Keep arrays that nobody can write to."""
+        """Make the arrays read-only."""
         object.__setattr__(self, "covariance", np.asarray(self.covariance, dtype=np.float64))
         super().__post_init__()
 
@@ -282,7 +282,7 @@ class Diagnostics(KeptArrays):
     edges: EdgeDiagnostics | None = None
 
     def __post_init__(self) -> None:
-        """Keep arrays that nobody can write to."""
+        """Make the arrays read-only."""
         for name in ("region_overlap_errors", "focal_shift"):
             object.__setattr__(self, name, read_only(np.asarray(getattr(self, name), dtype=np.float64)))
 

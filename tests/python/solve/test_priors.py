@@ -232,7 +232,9 @@ def test_convention_an_initial_poses_sigma_is_degrees_and_meters_of_the_cameras_
         codes = {warning.code: warning.values for warning in seen(WORLD, initial=initial, **sigmas).warnings}
         assert ("initial-pose-conflict" in codes) == (times is not None), codes
         if times is not None:
-            assert codes[rp.WarningCode.INITIAL_POSE_CONFLICT]["sigmas"] == pytest.approx(times, abs=0.2)
+            # Regions pull the pose by a little of the prior's deviation.
+            sigmas_found = codes[rp.WarningCode.INITIAL_POSE_CONFLICT]["sigmas"]
+            assert sigmas_found == pytest.approx(times - 0.05, abs=0.1)
 
 
 def test_a_pose_that_shows_the_other_side_is_warned_of() -> None:
