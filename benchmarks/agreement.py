@@ -25,7 +25,9 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.alignment.photo import Photo
+from regionpose.alignment.agreement import aligned
+from regionpose.alignment.edge_frame import EdgeFrame
+from regionpose.alignment.photo_cloud import PhotoCloud
 from regionpose.cameras import Camera
 from scipy.spatial.transform import Rotation
 
@@ -50,13 +52,15 @@ class RealFrame(NamedTuple):
     cloud: rp.Cloud
     pose: rp.Pose
 
-    def of_scene(self) -> rp.SceneFrame:
+    @property
+    def frame(self) -> rp.Frame:
         """Photo and cloud, without regions."""
-        return rp.SceneFrame(Photo.of(self.image), self.cloud.points, self.camera, intensity=self.cloud.intensity)
+        return rp.Frame(image=self.image, points=self.cloud.points, intensity=self.cloud.intensity)
 
-    def alignment(self, photo: Photo, pose: rp.Pose) -> rp.solve.Alignment:
-        """How well photo and cloud agree at a pose."""
-        return rp.check_alignment(self.camera, photo, self.cloud.points, pose, intensity=self.cloud.intensity)
+
+def alignment(seen: PhotoCloud, pose: rp.Pose) -> rp.solve.Alignment:
+    """As `check_alignment`, whose photo's edge likelihoods are kept for the next pose."""
+    return aligned(seen, EdgeFrame(seen, pose.camera_center), pose)
 
 
 def frames(data: Path) -> Iterator[RealFrame]:
@@ -108,12 +112,12 @@ def main() -> None:
     print("frame                     edges  agree  log odds  wrong from     to   photo, pose (s)")
     for number, held in enumerate(frames(given.data)):
         start = time.perf_counter()
-        photo = Photo.of(held.image)
-        _ = photo.ranks
+        seen = PhotoCloud.of(held.camera, held.frame)
+        _ = seen.photo.ranks
         middle = time.perf_counter()
-        true = held.alignment(photo, held.pose)
+        true = alignment(seen, held.pose)
         seconds = (middle - start, time.perf_counter() - middle)
-        odds = [held.alignment(photo, pose).log_odds for pose in wrong_poses(held.pose, given.wrong, number)]
+        odds = [alignment(seen, pose).log_odds for pose in wrong_poses(held.pose, given.wrong, number)]
         print(
             f"{held.name:24} {len(true.places):6}  {true.share:5.2f}  {true.log_odds:8.2f}"
             f"  {min(odds):10.2f}  {max(odds):5.2f}   {seconds[0]:.2f}, {seconds[1]:.2f}",

@@ -88,9 +88,9 @@ class Row:
         )
 
 
-def scene_frame(capture: Capture) -> rp.SceneFrame:
+def photo_and_cloud(capture: Capture) -> rp.Frame:
     """Photo and cloud of a frame, without regions."""
-    return rp.SceneFrame(capture.image, capture.points, capture.camera, intensity=capture.intensity)
+    return rp.Frame(image=capture.image, points=capture.points, intensity=capture.intensity)
 
 
 def prior_of(capture: Capture) -> rp.Prior:
@@ -105,8 +105,8 @@ def solved(
 ) -> tuple[Row, rp.Pose]:
     """The row of a problem, and its pose."""
     start = time.perf_counter()
-    frames = [scene_frame(capture) for capture in captures]
-    estimate = rp.calibrate(frames, prior=prior or prior_of(captures[0]), sensor_origin=captures[0].scanner)
+    frames, first = [photo_and_cloud(capture) for capture in captures], captures[0]
+    estimate = rp.calibrate(first.camera, frames, prior=prior or prior_of(first), sensor_origin=first.scanner)
     seconds, edges = time.perf_counter() - start, estimate.diagnostics.edges
     assert edges is not None
     deg = m = sigmas = None

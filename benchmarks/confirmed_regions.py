@@ -27,7 +27,7 @@ from regionpose.scene import confirmed
 from regionpose.scene.confirmed import LEAST_HELD, LEAST_LOG_ODDS, region_pose
 from scipy.spatial.transform import Rotation
 
-from benchmarks.automatic import prior_of, scene_frame
+from benchmarks.automatic import photo_and_cloud, prior_of
 from benchmarks.real_frames import RealFrame, load_frames
 from benchmarks.real_scenes import DEFAULT_DATA
 
@@ -103,11 +103,11 @@ def planes_of(frame: RealFrame) -> list[Indices]:
     return [near[indices] for indices in rp.segment.find_planes(frame.points[near])]
 
 
-def row_of(frame: RealFrame, scene: rp.SceneFrame, planes: Sequence[Indices], kind: str, pose: rp.Pose) -> Row:
+def row_of(frame: RealFrame, photo: rp.Frame, planes: Sequence[Indices], kind: str, pose: rp.Pose) -> Row:
     """The row of a frame at a pose."""
-    found = rp.scene.confirmed_regions(scene, pose, sensor_origin=frame.scanner, planes=planes)
+    found = rp.scene.confirmed_regions(frame.camera, photo, pose, sensor_origin=frame.scanner, planes=planes)
     row = Row(kind, frame.name, found.compared, len(found.regions), found.log_odds)
-    estimate = region_pose([(scene, found)], prior_of(frame))
+    estimate = region_pose(frame.camera, [found], prior_of(frame))
     if estimate is None or not np.isfinite(estimate.covariance).all():
         return row
     turn = float(np.degrees((estimate.pose.rotation * frame.truth.rotation.inv()).magnitude()))
@@ -143,7 +143,7 @@ def main() -> None:
     confirmed.LEAST_HELD = given.held
     rng, rows = np.random.default_rng(3), []
     for frame in load_frames(given.data, given.only):
-        scene, planes = scene_frame(frame), planes_of(frame)
+        scene, planes = photo_and_cloud(frame), planes_of(frame)
         for kind, pose in poses_of(frame.truth, rng, given.tries):
             rows.append(row_of(frame, scene, planes, kind, pose))
             print(rows[-1], flush=True)

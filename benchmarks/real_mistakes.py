@@ -23,7 +23,6 @@ from __future__ import annotations
 import argparse
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
@@ -55,9 +54,7 @@ class Problem(NamedTuple):
     mistake: str
     name: str
     camera: Camera
-    images: list[rp.ImageRegion]
-    worlds: list[rp.WorldRegion]
-    frame: rp.SceneFrame
+    frame: rp.Frame
     prior: rp.Prior | None
     truth: rp.Pose
 
@@ -76,7 +73,7 @@ class Row(NamedTuple):
     sigmas: float
 
 
-def problems(scenes: Sequence[RealScene], seen: dict[str, rp.SceneFrame]) -> Iterator[Problem]:
+def problems(scenes: Sequence[RealScene], seen: dict[str, rp.Frame]) -> Iterator[Problem]:
     """All mistakes of all scenes."""
     for scene in scenes:
         for prior in PRIORS:
@@ -85,7 +82,7 @@ def problems(scenes: Sequence[RealScene], seen: dict[str, rp.SceneFrame]) -> Ite
 
 
 def _of_scene(
-    scene: RealScene, prior: str, scenes: Sequence[RealScene], seen: dict[str, rp.SceneFrame]
+    scene: RealScene, prior: str, scenes: Sequence[RealScene], seen: dict[str, rp.Frame]
 ) -> Iterator[Problem]:
     worlds, name = scene.worlds["samples"], f"{scene.name}, {prior}"
     frame = seen[scene.name]
@@ -94,13 +91,12 @@ def _of_scene(
         mistake: str,
         camera: Camera = scene.camera,
         images: Sequence[rp.ImageRegion] = scene.images,
-        photo: rp.SceneFrame = frame,
+        photo: rp.Frame = frame,
     ) -> Problem:
         count = min(len(images), len(worlds))
         images = list(images[:count])
-        held = replace(photo, points=frame.points, intensity=frame.intensity, camera=camera, regions=images)
-        held = replace(held, world_regions=worlds[:count])
-        return Problem(mistake, name, camera, images, worlds[:count], held, scene.priors[prior], scene.truth)
+        held = rp.Frame(images, worlds[:count], image=photo.image, points=frame.points, intensity=frame.intensity)
+        return Problem(mistake, name, camera, held, scene.priors[prior], scene.truth)
 
     yield problem("none")
     for a, b in list(combinations(range(len(worlds)), 2))[:MOST_PAIRS]:
@@ -132,9 +128,8 @@ def beside(region: rp.ImageRegion, camera: Camera) -> rp.ImageRegion | None:
 
 def row_of(problem: Problem, *, verbose: bool) -> Row | None:
     """What comes of a problem, in both ways; None where no pose shows it."""
-    frame = replace(problem.frame, camera=problem.camera, regions=problem.images, world_regions=problem.worlds)
     try:
-        found = rp.calibrate([frame], prior=problem.prior)
+        found = rp.calibrate(problem.camera, [problem.frame], prior=problem.prior)
     except rp.PoseError:
         return None
     edges = found.diagnostics.edges
@@ -187,7 +182,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1, help="take one problem in so many of each mistake")
     parser.add_argument("--verbose", action="store_true", help="a line for each wrong pose that is trusted")
     given = parser.parse_args()
-    seen = {held.name: held.of_scene() for held in frames(given.data)}
+    seen = {held.name: held.frame for held in frames(given.data)}
     scenes = [scene for scene in lidar_scenes(given.data) if scene.name in seen and "samples" in scene.worlds]
     if not scenes:
         print(f"no frames in {given.data}: nothing to measure")

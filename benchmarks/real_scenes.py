@@ -98,7 +98,7 @@ class RealScene:
         if not self.counts:
             return rp.estimate_pose(self.camera, images, worlds, prior=known), None
         ends = list(accumulate(self.counts, initial=0))
-        frames = [(images[first:end], worlds[first:end]) for first, end in pairwise(ends)]
+        frames = [rp.Frame(images[first:end], worlds[first:end]) for first, end in pairwise(ends)]
         rig = rp.estimate_rig(self.camera, frames, prior=known)
         assert rig.diagnostics.rig is not None
         return rig, rig.diagnostics.rig.between_frame_sigma

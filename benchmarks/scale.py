@@ -163,7 +163,8 @@ class Loaded:
         # The notice is darker than its wall, for the scanner as for the camera.
         within = (np.abs(points - corner - 0.5 * (along + up)) < 0.5 * (along + up) + 5.0 * NOISE).all(axis=1)
         intensity = np.where(within, 0.2, 0.8)
-        return lambda: rp.calibrate([rp.SceneFrame(picture, points, self.camera, images, intensity, worlds)])
+        frame = rp.Frame(images, worlds, image=picture, points=points, intensity=intensity)
+        return lambda: rp.calibrate(self.camera, [frame])
 
     def shared(self) -> SharedSession:
         """The picking page's pictures of photo and cloud, once their files are read."""

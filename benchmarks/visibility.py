@@ -1,6 +1,6 @@
 """Whether clouds hide the regions that photos show: at true poses, and at wrong ones that fit them.
 
-Of each frame below --data with regions, a photo and a cloud, the share of each region that the cloud hides is told at
+Of each frame below --data with regions, a photo and a cloud, the fraction of each region that the cloud hides at
 
 - "true": the true pose;
 - "turned": poses as `python -m benchmarks.agreement` makes them, few of which show a region where the photo does;
@@ -34,12 +34,13 @@ import regionpose as rp
 from numpy.typing import NDArray
 from regionpose.alignment import visibility
 from regionpose.alignment.odds import DECISIVE
+from regionpose.alignment.photo_cloud import PhotoCloud
 from regionpose.regions.outline import SparseSamplingWarning
 from rich.console import Console
 from rich.progress import track
 from scipy.spatial import cKDTree
 
-from benchmarks.agreement import frames, wrong_poses
+from benchmarks.agreement import alignment, frames, wrong_poses
 from benchmarks.real_mistakes import Problem, is_wrong, problems
 from benchmarks.real_scenes import DEFAULT_DATA, LIDARS, RealScene, scene_of
 
@@ -55,8 +56,8 @@ TURNED = 12
 
 
 class Pose(NamedTuple):
-    """What is told of a pose: its kind, whether it is wrong, the edges' odds, the share of its most hidden region by
-    gap, the distance of the nearest point, meters, and the share of the cloud in view.
+    """What is measured at a pose: its kind, whether it is wrong, the edges' odds, the fraction of its most hidden
+    region by gap, the distance of the nearest point, meters, and the share of the cloud in view.
     """
 
     kind: str
@@ -71,58 +72,58 @@ class Given(NamedTuple):
     """A pose to be judged, of a kind, with what is seen at it."""
 
     kind: str
-    frame: rp.SceneFrame
+    seen: PhotoCloud
     pose: rp.Pose
     truth: rp.Pose
 
 
-def given_poses(scenes: Sequence[RealScene], seen: dict[str, rp.SceneFrame]) -> Iterator[Given]:
+def given_poses(scenes: Sequence[RealScene], seen: dict[str, rp.Frame]) -> Iterator[Given]:
     """All poses of all frames."""
     for number, scene in enumerate(scenes):
         worlds = scene.worlds["samples"]
-        frame = replace(seen[scene.name], regions=scene.images, world_regions=worlds)
-        yield Given("true", frame, scene.truth, scene.truth)
+        frame = replace(seen[scene.name], image_regions=scene.images, world_regions=worlds)
+        photo_cloud = PhotoCloud.of(scene.camera, frame)
+        yield Given("true", photo_cloud, scene.truth, scene.truth)
         for pose in wrong_poses(scene.truth, TURNED, number):
-            yield Given("turned", frame, pose, scene.truth)
+            yield Given("turned", photo_cloud, pose, scene.truth)
         for image, world in zip(scene.images, worlds, strict=True):
-            alone = replace(frame, regions=[image], world_regions=[world])
+            alone = replace(frame, image_regions=[image], world_regions=[world])
             for prior in [scene.priors[name] for name in ("none", "near") if name in scene.priors]:
-                yield from answers(Problem("single", "", scene.camera, [image], [world], alone, prior, scene.truth))
+                yield from answers(Problem("single", "", scene.camera, alone, prior, scene.truth))
     for problem in problems([scene for scene in scenes if scene.kind in LIDARS], seen):
         yield from answers(problem)
 
 
 def answers(problem: Problem) -> Iterator[Given]:
     """All answers of a problem; none where no pose shows it."""
+    frame = problem.frame
     try:
-        estimate = rp.estimate_pose(problem.camera, problem.images, problem.worlds, prior=problem.prior)
+        estimate = rp.estimate_pose(problem.camera, frame.image_regions, frame.world_regions, prior=problem.prior)
     except rp.PoseError:
         return
+    seen = PhotoCloud.of(problem.camera, frame)
     for answer in (estimate, *estimate.diagnostics.alternatives):
-        yield Given(problem.mistake, problem.frame, answer.pose, problem.truth)
+        yield Given(problem.mistake, seen, answer.pose, problem.truth)
 
 
-def told(given: Given) -> Pose:
-    """What edges and visibility say of a pose."""
-    frame, pose = given.frame, given.pose
-    points = np.asarray(frame.points, dtype=np.float64)
-    points = points[np.isfinite(points).all(axis=1)]
-    edges = rp.check_alignment(
-        frame.camera, frame.photo, frame.points, pose, regions=frame.regions, intensity=frame.intensity
-    ).edge_log_odds
-    hidden = {gap: most_hidden(replace(frame, points=points), pose, gap) for gap in GAPS}
+def measured(given: Given) -> Pose:
+    """What edges and visibility measure at a pose."""
+    seen, pose, camera = given.seen, given.pose, given.seen.camera
+    points = seen.points[np.isfinite(seen.points).all(axis=1)]
+    edges = alignment(replace(seen, frame=replace(seen.frame, world_regions=())), pose).edge_log_odds
+    hidden = {gap: most_hidden(replace(seen, points=points), pose, gap) for gap in GAPS}
     nearest = float(cKDTree(points).query(pose.camera_center)[0])
-    assert frame.camera.width is not None and frame.camera.height is not None
-    pixels = frame.camera.project(pose.transform(points))
-    ends = np.array([frame.camera.width, frame.camera.height]) - 0.5
+    assert camera.width is not None and camera.height is not None
+    pixels = camera.project(pose.transform(points))
+    ends = np.array([camera.width, camera.height]) - 0.5
     in_view = float(((pixels >= -0.5) & (pixels < ends)).all(axis=1).mean())
     return Pose(given.kind, is_wrong(pose, given.truth), edges, hidden, nearest, in_view)
 
 
-def most_hidden(frame: rp.SceneFrame, pose: rp.Pose, gap: int) -> float:
-    """The share of the most hidden region, with surfaces that close gaps of so many cells."""
+def most_hidden(seen: PhotoCloud, pose: rp.Pose, gap: int) -> float:
+    """The fraction of the most hidden region, with surfaces that close gaps of so many cells."""
     with patch.object(visibility, "GAP_CELLS", gap):
-        found = visibility.occlusions(frame.camera, frame.regions, frame.world_regions, frame.points, pose)
+        found = visibility.occlusions(seen, pose)
     return max((each.share for each in found if each.share > 0.0), default=0.0)
 
 
@@ -164,7 +165,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=DEFAULT_DATA)
     data = parser.parse_args().data
     gap = visibility.GAP_CELLS
-    seen = {held.name: held.of_scene() for held in frames(data)}
+    seen = {held.name: held.frame for held in frames(data)}
     folders = [data / name for name in seen if (data / name / "regions.json").exists()]
     if not folders:
         print(f"no frames in {data}: nothing to measure")
@@ -172,7 +173,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         scenes = [scene_of(folder, Path(temporary)) for folder in folders]
     tried = list(given_poses([scene for scene in scenes if "samples" in scene.worlds], seen))
-    poses = [told(given) for given in track(tried, "poses", console=Console(stderr=True))]
+    poses = [measured(given) for given in track(tried, "poses", console=Console(stderr=True))]
     print(*table(poses, gap), *summary(poses, gap), sep="\n")
 
 

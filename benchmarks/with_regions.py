@@ -66,21 +66,18 @@ def choices(scenes: Sequence[RealScene], most: int) -> Iterator[Sequence[RealSce
                 yield all_of_rig[number]
 
 
-def row_of(scenes: Sequence[RealScene], seen: dict[str, rp.SceneFrame], *, edges_alone: bool) -> Row | None:
+def row_of(scenes: Sequence[RealScene], seen: dict[str, rp.Frame], *, edges_alone: bool) -> Row | None:
     """The errors of the pose of frames, printed; None where the regions have none."""
-    held = [
-        replace(seen[scene.name], camera=scene.camera, regions=scene.images, world_regions=scene.worlds[WAY])
-        for scene in scenes
-    ]
+    held = [replace(seen[scene.name], image_regions=scene.images, world_regions=scene.worlds[WAY]) for scene in scenes]
     prior, truth, begun = scenes[0].priors[PRIOR], scenes[0].truth, time.perf_counter()
     try:
-        found = rp.calibrate(held, prior=prior)
+        found = rp.calibrate(scenes[0].camera, held, prior=prior)
     except rp.PoseError:
         return None
     seconds, alone = time.perf_counter() - begun, None
     if edges_alone:
-        bare = [replace(frame, regions=(), world_regions=()) for frame in held]
-        alone = _errors(rp.calibrate(bare, prior=prior), truth)
+        bare = [replace(frame, image_regions=(), world_regions=()) for frame in held]
+        alone = _errors(rp.calibrate(scenes[0].camera, bare, prior=prior), truth)
     edges = found.diagnostics.edges
     assert edges is not None and edges.regions_only is not None
     kind, name = f"{scenes[0].kind}, {len(scenes)}", "+".join(scene.name[-6:] for scene in scenes)
@@ -158,7 +155,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", help="kinds of scenes, all when left out")
     parser.add_argument("--without-edges-alone", action="store_true", help="leave out poses by edges alone")
     arguments = parser.parse_args()
-    seen = {frame.name: frame.of_scene() for frame in frames(arguments.data)}
+    seen = {frame.name: frame.frame for frame in frames(arguments.data)}
     scenes = [scene for scene in lidar_scenes(arguments.data) if scene.name in seen]
     scenes = [scene for scene in scenes if arguments.only is None or scene.kind in arguments.only]
     if not scenes:

@@ -7,4 +7,4 @@ camera = rp.load_camera(folder / "camera_info.yaml")
 cloud = rp.read_cloud(folder / "cloud.ply")
 photo = rp.datasets.load_demo().image
 prior = rp.Prior(camera_near=[0, 0, 0], camera_near_sigma_m=0.5, up=[0, 0, 1], up_sigma_deg=3)
-print(rp.calibrate([rp.SceneFrame(photo, cloud, camera)], prior=prior))
+print(rp.calibrate(camera, [rp.Frame(image=photo, points=cloud)], prior=prior))

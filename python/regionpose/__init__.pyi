@@ -11,7 +11,6 @@ from . import segment as segment
 from . import solve as solve
 from .alignment.agreement import check_alignment as check_alignment
 from .alignment.calibration import calibrate as calibrate
-from .alignment.frame import SceneFrame as SceneFrame
 from .cameras import FisheyeCamera as FisheyeCamera
 from .cameras import PinholeCamera as PinholeCamera
 from .fusion.colors import colorize as colorize
@@ -26,10 +25,10 @@ from .scene.loading import load_scene as load_scene
 from .solve.batch import estimate_poses as estimate_poses
 from .solve.estimate import PoseError as PoseError
 from .solve.estimate import PoseEstimate as PoseEstimate
+from .solve.frame import Frame as Frame
 from .solve.matching import match_regions as match_regions
 from .solve.options import Solver as Solver
 from .solve.prior import Prior as Prior
-from .solve.rig import Frame as Frame
 from .solve.rig import estimate_rig as estimate_rig
 from .solve.single import estimate_pose as estimate_pose
 from .solve.status import PoseStatus as PoseStatus

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from regionpose import _core
 from regionpose.alignment.edge_frame import EdgeFrame
-from regionpose.alignment.frame import SceneFrame
 from regionpose.alignment.odds import HIDDEN
 from regionpose.alignment.photo import Photo
+from regionpose.alignment.photo_cloud import PhotoCloud
 from regionpose.alignment.pose_search import Density, log_mass, search_about
 from regionpose.alignment.visibility import occlusions
 from regionpose.cameras import Camera
 from regionpose.geometry.pose import Pose
-from regionpose.regions.image import ImageRegion
-from regionpose.regions.world import WorldRegion
 from regionpose.solve.edge_diagnostics import Alignment
+from regionpose.solve.frame import Frame
 from regionpose.solve.prior import Prior
 from regionpose.validation.arguments import checked_arguments
 
@@ -30,16 +27,7 @@ regions, calibrations and the times of photo and scan leave open. Conventions.""
 
 
 @checked_arguments
-def check_alignment(
-    camera: Camera,
-    image: ArrayLike | Photo,
-    points: ArrayLike,
-    pose: Pose,
-    *,
-    regions: Sequence[ImageRegion] = (),
-    world_regions: Sequence[WorldRegion] = (),
-    intensity: ArrayLike | None = None,
-) -> Alignment:
+def check_alignment(camera: Camera, frame: Frame, pose: Pose) -> Alignment:
     """How well photo and cloud agree at a pose, however it was found.
 
     Edges of the points' depth and intensity as the camera would see them, against edges of the photo; and whether
@@ -49,33 +37,26 @@ def check_alignment(
     ----------
     camera : Camera
         That took the photo.
-    image : (h, w) or (h, w, 3) array, or Photo
-        uint8, uint16 or floats in [0, 1]; a `Photo` of it saves work for more than one pose.
-    points : (n, 3) array
-        World coordinates, meters.
+    frame : Frame
+        With `image` and `points`. Edges in and beside `image_regions` are left out: where the pose comes from these,
+        they agree at any pose that the regions allow. `world_regions` can be left out; how much the points hide of each
+        is in `occlusions`.
     pose : Pose
         `camera_from_world`.
-    regions : sequence of ImageRegion
-        Those that the pose comes from; edges in and beside them are left out, since they agree at any pose that the
-        regions allow.
-    world_regions : sequence of WorldRegion
-        Those at the places of `regions`, of which it says how much the points hide; none by default.
-    intensity : (n,) array, optional
-        What the scanner received from each point, on any scale; brightness of colors if they are not from this photo.
 
     Raises
     ------
     ValueError
-        For other shapes, for an image of another size than the camera's, and for world regions of another number than
-        regions.
+        For a frame without `image` or `points`, for arrays of another shape, for an image of another size than the
+        camera's, and for world regions of another number than image regions.
     """
-    frame = SceneFrame(image, points, camera, regions, intensity, world_regions)
-    return aligned(frame, EdgeFrame(frame, pose.camera_center), pose)
+    seen = PhotoCloud.of(camera, frame)
+    return aligned(seen, EdgeFrame(seen, pose.camera_center), pose)
 
 
-def aligned(frame: SceneFrame, edges: EdgeFrame, pose: Pose) -> Alignment:
+def aligned(frame: PhotoCloud, edges: EdgeFrame, pose: Pose) -> Alignment:
     """How well a frame's photo and cloud agree at a pose, by their `edges`."""
-    hidden = occlusions(frame.camera, frame.regions, frame.world_regions, frame.points, pose)
+    hidden = occlusions(frame, pose)
     places, agrees = _seen(frame.photo, edges, pose)
     near = Prior(initial=pose, initial_rotation_sigma_deg=TOLERANCE_DEG, initial_center_sigma_m=TOLERANCE_M)
     modes = search_about([edges], pose, Density.of_prior(near, edges.origin)) if len(places) else []

@@ -14,14 +14,16 @@ from regionpose.alignment.agreement import aligned
 from regionpose.alignment.edge_frame import EdgeFrame
 from regionpose.alignment.explanations import explained_by_edges, explained_with_regions, without_calibration
 from regionpose.alignment.focal import ByFocal, focal_evidence
-from regionpose.alignment.frame import SceneFrame
 from regionpose.alignment.hypotheses import answers_of, is_same, places_of
 from regionpose.alignment.judgment import Judgment, hidden_regions
+from regionpose.alignment.photo_cloud import PhotoCloud
 from regionpose.alignment.region_evidence import RegionEvidence
 from regionpose.alignment.visibility import occlusions
+from regionpose.cameras import Camera
 from regionpose.geometry.pose import Pose
 from regionpose.progress import Progress, part
 from regionpose.solve.estimate import EdgeDiagnostics, PoseError, PoseEstimate, RegionsOnly
+from regionpose.solve.frame import Frame, named_frames
 from regionpose.solve.options import Solver, checked_solver
 from regionpose.solve.prior import MOUNT_SIGMA_M, Prior
 from regionpose.validation.arguments import checked_arguments
@@ -36,7 +38,8 @@ street frame takes."""
 
 @checked_arguments
 def calibrate(
-    frames: Sequence[SceneFrame],
+    camera: Camera,
+    frames: Sequence[Frame],
     *,
     prior: Prior | None = None,
     sensor_origin: ArrayLike | None = None,
@@ -53,8 +56,10 @@ def calibrate(
 
     Parameters
     ----------
-    frames : sequence of SceneFrame
-        Photos and clouds of one rig, the clouds in the scanner's frame.
+    camera : Camera
+        That took all photos.
+    frames : sequence of Frame
+        Photos and clouds of one rig, the clouds in the scanner's frame, with pairs of regions or without.
     prior : Prior, optional
         Where the camera stands (`camera_near`), which direction is up, a rough pose. Without regions and a place the
         camera is taken to be near the scanner, within 0.5 m along each axis; without `up` or `initial` with its
@@ -78,20 +83,19 @@ def calibrate(
     Raises
     ------
     ValueError
-        For no frames, and arrays of another shape.
+        For no frames, and for bad input, naming the frame, as for one without `image` or `points`.
     PoseError
         A ValueError, where clouds and photos show no edges in common that the prior allows, and where no pose shows
         every region.
     """
-    if not frames:
-        raise ValueError("frames is empty; needed at least one photo and cloud")
     options = checked_solver(solver)
-    regions = RegionEvidence.of(frames, prior or Prior(), options)
-    return calibrate_with(frames, regions, prior, sensor_origin, options, progress)
+    seen = [PhotoCloud.of(camera, frame) for frame in named_frames(frames, "photo and cloud")]
+    regions = RegionEvidence.of(seen, prior or Prior(), options)
+    return calibrate_with(seen, regions, prior, sensor_origin, options, progress)
 
 
 def calibrate_with(
-    frames: Sequence[SceneFrame],
+    frames: Sequence[PhotoCloud],
     regions: RegionEvidence | None,
     prior: Prior | None,
     sensor_origin: ArrayLike | None,
@@ -153,9 +157,9 @@ def _regions_only(estimate: PoseEstimate, pose: Pose) -> RegionsOnly:
     return RegionsOnly(estimate, rank, answer, rotation_deg, shift_m)
 
 
-def _hides(frames: Sequence[SceneFrame], pose: Pose) -> bool:
+def _hides(frames: Sequence[PhotoCloud], pose: Pose) -> bool:
     """Whether the clouds hide a region at a pose."""
-    found = (occlusions(frame.camera, frame.regions, frame.world_regions, frame.points, pose) for frame in frames)
+    found = (occlusions(frame, pose) for frame in frames)
     return any(each.is_hidden for of_frame in found for each in of_frame)
 
 

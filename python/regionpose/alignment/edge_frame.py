@@ -8,12 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose import _core
-from regionpose.alignment.frame import SceneFrame
+from regionpose.alignment.photo_cloud import PhotoCloud
 from regionpose.alignment.views import (
     EDGE_SHARE,
     cell_and_gap,
-    checked_intensity,
-    checked_points,
     half_field,
     pixel_angle,
     region_mask,
@@ -38,13 +36,12 @@ class EdgeFrame:
     `origin` (3,): the place of the world about which the core has points and poses.
     """
 
-    def __init__(self, frame: SceneFrame, origin: Array) -> None:
+    def __init__(self, frame: PhotoCloud, origin: Array) -> None:
         """Keep points about an origin (3,) of the world, such as the scanner's place: far from the world's own, turns
         about it are moves of kilometers.
         """
-        points = checked_points(frame.points)
-        self.origin, self._frame, self._points = origin, frame, points - origin if origin.any() else points
-        self._intensity = checked_intensity(frame.intensity, self._points)
+        self.origin, self._frame = origin, frame
+        self._points = frame.points - origin if origin.any() else frame.points
 
     @cached_property
     def core(self) -> _core.AlignmentFrame:
@@ -76,7 +73,7 @@ class EdgeFrame:
     @cached_property
     def covered(self) -> NDArray[np.bool_] | None:
         """Which pixels (h, w) of the reduced photo regions cover; None without any."""
-        return region_mask(self._frame.photo, self.camera, self._frame.regions)
+        return region_mask(self._frame.photo, self.camera, self._frame.frame.image_regions)
 
     @property
     def edge_count(self) -> int:
@@ -129,4 +126,4 @@ class EdgeFrame:
     def _edges(self, center: Array) -> _core.CloudEdges:
         """The edges all around a center (3,), about the origin."""
         cell, gap = cell_and_gap(self.camera, self._frame.photo, len(self._points), 4.0 * np.pi)
-        return _core.CloudEdges(self._points, center, cell, gap, EDGE_SHARE, self._intensity)
+        return _core.CloudEdges(self._points, center, cell, gap, EDGE_SHARE, self._frame.intensity)

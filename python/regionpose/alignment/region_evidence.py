@@ -9,7 +9,7 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.alignment.frame import SceneFrame
+from regionpose.alignment.photo_cloud import PhotoCloud
 from regionpose.cameras import Camera
 from regionpose.geometry.pose import Pose
 from regionpose.regions.image import ImageRegion
@@ -18,7 +18,7 @@ from regionpose.solve.estimate import PoseEstimate
 from regionpose.solve.options import Solver
 from regionpose.solve.prior import Prior
 from regionpose.solve.reevaluate import moved_estimate
-from regionpose.solve.rig import Frame, estimate_rig
+from regionpose.solve.rig import estimate_rig
 from regionpose.solve.single import estimate_pose
 
 
@@ -38,25 +38,26 @@ class RegionEvidence:
     reestimate: Callable[[Pose], PoseEstimate]
 
     @classmethod
-    def of(cls, frames: Sequence[SceneFrame], prior: Prior, solver: Solver) -> RegionEvidence | None:
+    def of(cls, frames: Sequence[PhotoCloud], prior: Prior, solver: Solver) -> RegionEvidence | None:
         """That of the regions of frames; None where these have none. Errors as of `estimate_pose`."""
-        held = [frame for frame in frames if frame.regions]
+        given = [frame.frame for frame in frames]
+        held = [frame for frame in given if frame.image_regions]
         if not held:
             return None
+        camera = frames[0].camera
 
         def estimated(known: Prior) -> PoseEstimate:
             if len(held) == 1:
                 frame = held[0]
-                return estimate_pose(frame.camera, frame.regions, frame.world_regions, prior=known, solver=solver)
-            given = [Frame(frame.regions, frame.world_regions) for frame in held]
-            return estimate_rig(held[0].camera, given, prior=known, solver=solver)
+                return estimate_pose(camera, frame.image_regions, frame.world_regions, prior=known, solver=solver)
+            return estimate_rig(camera, held, prior=known, solver=solver)
 
-        images = [region for frame in frames for region in frame.regions]
-        worlds = [region for frame in frames for region in frame.world_regions]
-        starts = (0, *accumulate(len(frame.regions) for frame in frames[:-1]))
+        images = [region for frame in given for region in frame.image_regions]
+        worlds = [region for frame in given for region in frame.world_regions]
+        starts = (0, *accumulate(len(frame.image_regions) for frame in given[:-1]))
         return cls(
             estimated(prior),
-            held[0].camera,
+            camera,
             (images, worlds),
             starts,
             lambda pose: estimated(prior.started_at(pose)),

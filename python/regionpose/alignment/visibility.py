@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.ndimage import binary_closing
 
-from regionpose.alignment.views import EDGE_SHARE, checked_points
+from regionpose.alignment.photo_cloud import PhotoCloud
+from regionpose.alignment.views import EDGE_SHARE
 from regionpose.cameras import Camera
 from regionpose.geometry.pose import Pose
 from regionpose.regions.image import ImageRegion
@@ -48,19 +49,13 @@ class _Cells(NamedTuple):
     shape: NDArray[np.int64]
 
 
-def occlusions(
-    camera: Camera,
-    image_regions: Sequence[ImageRegion],
-    world_regions: Sequence[WorldRegion],
-    points: ArrayLike,
-    pose: Pose,
-) -> tuple[Occlusion, ...]:
-    """How much of each world region points (n, 3) hide at a pose, where its image region shows it; nothing without
-    world regions.
+def occlusions(seen: PhotoCloud, pose: Pose) -> tuple[Occlusion, ...]:
+    """How much of each world region of a frame its points hide at a pose, where its image region shows it; nothing
+    without world regions.
 
-    ValueError for points of another shape, and for another number of regions in the world than in the image.
+    ValueError for another number of regions in the world than in the image.
     """
-    places = checked_points(points)
+    places, image_regions, world_regions = seen.points, seen.frame.image_regions, seen.frame.world_regions
     if not world_regions:
         return ()
     if len(image_regions) != len(world_regions):
@@ -69,7 +64,7 @@ def occlusions(
         )
     some = places[:: max(1, -(-len(places) // MOST_POINTS))]
     pairs = zip(image_regions, world_regions, strict=True)
-    return tuple(_occlusion(observed, world, some, camera, pose) for observed, world in pairs)
+    return tuple(_occlusion(observed, world, some, seen.camera, pose) for observed, world in pairs)
 
 
 def _occlusion(observed: ImageRegion, world: WorldRegion, points: Array, camera: Camera, pose: Pose) -> Occlusion:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionpose.alignment.frame import SceneFrame
+from regionpose.alignment.photo_cloud import PhotoCloud
+from regionpose.cameras import Camera
 from regionpose.geometry.pose import Pose
 from regionpose.progress import Progress, check_wanted, part, with_progress
 from regionpose.regions.image import ImageRegion
@@ -18,12 +19,13 @@ from regionpose.scene.border_fit import BorderFit, fitted, joint_log_odds
 from regionpose.scene.plane_borders import Outline, View, outlines
 from regionpose.segment.planes import find_planes
 from regionpose.solve.estimate import PoseError, PoseEstimate
+from regionpose.solve.frame import Frame
 from regionpose.solve.options import Solver
 from regionpose.solve.prior import Prior
-from regionpose.solve.rig import Frame, estimate_rig
+from regionpose.solve.rig import estimate_rig
 from regionpose.solve.single import estimate_pose
 from regionpose.validation.arguments import checked_arguments
-from regionpose.validation.arrays import Array, KeptArrays, check_coordinates, finite_array, row_array
+from regionpose.validation.arrays import Array, KeptArrays, finite_array
 
 Indices = NDArray[np.intp]
 
@@ -100,7 +102,8 @@ class ConfirmedRegions:
 
 @checked_arguments
 def confirmed_regions(
-    frame: SceneFrame,
+    camera: Camera,
+    frame: Frame,
     pose: Pose,
     *,
     sensor_origin: ArrayLike | None = None,
@@ -115,8 +118,10 @@ def confirmed_regions(
 
     Parameters
     ----------
-    frame : SceneFrame
-        A photo and a cloud.
+    camera : Camera
+        That took the photo.
+    frame : Frame
+        With `image` and `points`.
     pose : Pose
         `camera_from_world`, however it was found.
     sensor_origin : (3,) array, optional
@@ -133,12 +138,24 @@ def confirmed_regions(
     Raises
     ------
     ValueError
-        For points or a place of another shape, and indices that are no points of the cloud.
+        For a frame without `image` or `points`, for arrays of another shape, for an image of another size than the
+        camera's, and for indices that are no points of the cloud.
     """
-    scanner = None if sensor_origin is None else finite_array(sensor_origin, "sensor_origin", (3,))
-    points = row_array(frame.points, "points", 3)
-    check_coordinates(points)
-    view, report = View(frame, points, pose, scanner), progress or (lambda share: None)
+    seen = PhotoCloud.of(camera, frame)
+    return confirmed_of(seen, pose, sensor_origin=sensor_origin, planes=planes, progress=progress)
+
+
+def confirmed_of(
+    seen: PhotoCloud,
+    pose: Pose,
+    *,
+    sensor_origin: ArrayLike | None = None,
+    planes: Sequence[ArrayLike] | None = None,
+    progress: Progress | None = None,
+) -> ConfirmedRegions:
+    """As `confirmed_regions`, of a frame that was checked before."""
+    scanner, points = None if sensor_origin is None else finite_array(sensor_origin, "sensor_origin", (3,)), seen.points
+    view, report = View(seen, pose, scanner), progress or (lambda share: None)
     if planes is None:
         near = points[view.numbers]
         found = find_planes(near, progress=part(progress, 0.0, 0.8)) if len(near) >= 3 else []
@@ -157,18 +174,20 @@ def confirmed_regions(
 
 
 def region_pose(
-    frames: Sequence[tuple[SceneFrame, ConfirmedRegions]], prior: Prior | None = None, solver: Solver | None = None
+    camera: Camera,
+    frames: Sequence[ConfirmedRegions],
+    prior: Prior | None = None,
+    solver: Solver | None = None,
 ) -> PoseEstimate | None:
     """The pose by the confirmed regions of one or several frames of a rig alone, as of `estimate_pose`; None where
     there are none, or no pose shows them all.
     """
-    camera = frames[0][0].camera if frames else None
     given = [
         Frame([each.image for each in found.regions], [each.world for each in found.regions], name=f"{number}")
-        for number, (_, found) in enumerate(frames, start=1)
+        for number, found in enumerate(frames, start=1)
         if found.regions
     ]
-    if camera is None or not given:
+    if not given:
         return None
     try:
         if len(given) == 1:
@@ -212,7 +231,8 @@ class RegionCheck:
 
 
 def region_check(
-    frames: Sequence[SceneFrame | None],
+    camera: Camera,
+    frames: Sequence[PhotoCloud | None],
     found: PoseEstimate,
     *,
     sensor_origin: ArrayLike | None = None,
@@ -221,12 +241,11 @@ def region_check(
 ) -> RegionCheck:
     """The check of a pose by edges; `frames` and `sensor_origin` as of `calibrate`, which found it."""
     planes = tuple(
-        None if frame is None else confirmed_regions(frame, found.pose, sensor_origin=sensor_origin, progress=share)
+        None if frame is None else confirmed_of(frame, found.pose, sensor_origin=sensor_origin, progress=share)
         for frame, share in with_progress(frames, progress)
     )
-    pairs = [(frame, own) for frame, own in zip(frames, planes, strict=True) if frame is not None and own is not None]
     prior = None if found.diagnostics.edges is None else found.diagnostics.edges.prior
-    estimate = region_pose(pairs, prior, solver)
+    estimate = region_pose(camera, [own for own in planes if own is not None], prior, solver)
     distance = float("nan") if estimate is None else pose_distance(estimate, found)
     return RegionCheck(planes, estimate, distance)
 
@@ -258,7 +277,7 @@ def _region(view: View, surface: Outline, fit: BorderFit, scanner: Array | None,
     try:
         image = _image_region(view, fit)
         with sparse_sampling_handler(lambda _: None):
-            world = WorldRegion.from_scan(view.points, surface.members, sensor_origin=scanner)
+            world = WorldRegion.from_scan(view.frame.points, surface.members, sensor_origin=scanner)
     except ValueError:
         # Sides that cross once they are moved, or points that show no outline.
         return None

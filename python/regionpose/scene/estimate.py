@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionpose.alignment.calibration import calibrate_with
-from regionpose.alignment.frame import SceneFrame
-from regionpose.alignment.photo import Photo
+from regionpose.alignment.photo_cloud import PhotoCloud
 from regionpose.alignment.region_evidence import RegionEvidence
 from regionpose.cameras import Camera
 from regionpose.geometry.pose import Pose
+from regionpose.io.clouds import Cloud
 from regionpose.progress import check_wanted
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
@@ -28,9 +28,10 @@ from regionpose.scene.solver_config import given_pose, scene_prior, scene_solver
 from regionpose.scene.stages import Stages
 from regionpose.solve.edge_diagnostics import Alignment
 from regionpose.solve.estimate import EdgeDiagnostics, PoseEstimate, RegionsOnly
+from regionpose.solve.frame import Frame
 from regionpose.solve.options import Solver
 from regionpose.solve.prior import Prior
-from regionpose.solve.rig import Frame, estimate_rig
+from regionpose.solve.rig import estimate_rig
 from regionpose.solve.sample_fit import SampleFit, sample_fit
 from regionpose.solve.single import estimate_pose
 from regionpose.solve.warning import PoseWarning
@@ -224,8 +225,10 @@ def estimate_edges(
         return SceneEstimate(scene, frames, estimate, stages.seconds)
     with stages.stage("planes"):
         place = _edges_of(found).prior.camera_near if scanner is None else scanner.place - frames[0].origin
-        seen, solver = scene_frames(frames), scene_solver(scene)
-        planes = region_check(seen, found, sensor_origin=place, solver=solver, progress=stages.progress)
+        seen, solver = photo_clouds(frames), scene_solver(scene)
+        planes = region_check(
+            frames[0].camera, seen, found, sensor_origin=place, solver=solver, progress=stages.progress
+        )
     return SceneEstimate(scene, frames, estimate, stages.seconds, regions_found=planes)
 
 
@@ -318,7 +321,7 @@ def _calibrated(
 ) -> PoseEstimate:
     """What edges say, with regions or without, about the local origin."""
     origin, scanner = frames[0].origin, _scanner(frames)
-    photos = [frame for frame in scene_frames(frames) if frame is not None]
+    photos = [frame for frame in photo_clouds(frames) if frame is not None]
     place = None if scanner is None else scanner.place - origin
     return calibrate_with(photos, regions, prior.rebase(origin), place, solver, stages.progress)
 
@@ -331,22 +334,17 @@ def _edge_prior(frames: Sequence[SceneData]) -> Prior:
     return scene_prior(frames[0].scene, scanner)
 
 
-def scene_frames(frames: Sequence[SceneData]) -> list[SceneFrame | None]:
+def photo_clouds(frames: Sequence[SceneData]) -> list[PhotoCloud | None]:
     """The photos and clouds of frames, with their regions; None of a frame without a cloud."""
     return [
-        None
-        if sides.cloud is None
-        else SceneFrame(
-            Photo.of(sides.image),
-            sides.cloud.local_points,
-            sides.camera,
-            sides.image_regions,
-            # Colors may come from this very photo, at a wrong pose.
-            sides.cloud.intensity,
-            [side.region for side in sides.world_sides],
-        )
-        for sides in frames
+        None if sides.cloud is None else PhotoCloud.of(sides.camera, _frame(sides, sides.cloud)) for sides in frames
     ]
+
+
+def _frame(sides: SceneData, cloud: Cloud) -> Frame:
+    """The frame of a scene, about the local origin."""
+    # No brightness of colors: they may come from this very photo, at a wrong pose.
+    return Frame(*_regions([sides]), image=sides.image, points=cloud.local_points, intensity=cloud.intensity)
 
 
 def _explained(action: Callable[[], Value], frames: Sequence[SceneData]) -> Value:

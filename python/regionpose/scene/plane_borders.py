@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from regionpose.alignment.frame import SceneFrame
+from regionpose.alignment.photo_cloud import PhotoCloud
 from regionpose.alignment.views import EDGE_SHARE, cell_and_gap, half_field, pixel_angle
 from regionpose.geometry.pose import Pose
 from regionpose.regions.outline import sparse_sampling_handler
@@ -105,17 +105,16 @@ class Outline(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """The points (n, 3) of a frame as its camera sees them at a pose; `scanner` (3,): from where they were."""
+    """The points of a frame as its camera sees them at a pose; `scanner` (3,): from where they were."""
 
-    frame: SceneFrame
-    points: Array
+    frame: PhotoCloud
     pose: Pose
     scanner: Array | None = None
 
     @cached_property
     def numbers(self) -> Indices:
         """Indices of the points in view."""
-        local = self.pose.transform(self.points)
+        local = self.pose.transform(self.frame.points)
         reach = np.cos(min(half_field(self.frame.camera, self.frame.photo) + np.radians(MARGIN_DEG), np.pi))
         with np.errstate(invalid="ignore"):
             ahead = local[:, 2] > reach * np.linalg.norm(local, axis=1)
@@ -141,7 +140,7 @@ class View:
     @cached_property
     def _directions(self) -> Array:
         """Of the points in view from the scanner, unit vectors."""
-        return _unit(self.points[self.numbers] - self._scanner)
+        return _unit(self.frame.points[self.numbers] - self._scanner)
 
     @cached_property
     def _scanner_tree(self) -> cKDTree:
@@ -151,7 +150,7 @@ class View:
     def _camera_tree(self) -> cKDTree:
         """The places of the points in view, far beside the photo where the camera does not see them."""
         photo = self.frame.photo
-        places = photo.places(self.frame.camera.project(self.pose.transform(self.points[self.numbers])))
+        places = photo.places(self.frame.camera.project(self.pose.transform(self.frame.points[self.numbers])))
         return cKDTree(np.where(np.isfinite(places).all(axis=1, keepdims=True), places, UNSEEN_PX))
 
     def border(self, surface: Outline, other_surfaces: Sequence[Outline]) -> Border | None:
@@ -222,7 +221,7 @@ class View:
         finite = np.flatnonzero(np.isfinite(border).all(axis=1) & np.isfinite(beyond).all(axis=1))
         border, beyond = border[finite], beyond[finite]
         near = MEETS_M + MEETS_SHARE * np.linalg.norm(border - self.pose.camera_center, axis=1)
-        points = self.points[self.numbers]
+        points = self.frame.points[self.numbers]
         # Points on a plane that the border lies on neither hide it nor leave it open.
         own_heights = np.abs(surface.heights(points))
         met = [(np.abs(other.heights(border)) <= near, np.abs(other.heights(points))) for other in other_surfaces]

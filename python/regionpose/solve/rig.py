@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from regionpose.solve.between_frame_sigma import Factor, Scattered, scattered
 from regionpose.solve.contours import Contours, contours_of, distances_of, robust_sigma
 from regionpose.solve.core_inputs import core_problem
 from regionpose.solve.estimate import PoseError, PoseEstimate
+from regionpose.solve.frame import Frame, check_has_regions, named_frames
 from regionpose.solve.intrinsics import (
     CameraPart,
     ContourProblem,
@@ -43,29 +44,10 @@ ANOTHER_PLACE = np.radians(5.0)
 """Rotation from which on two poses are different places, as of `PoseEstimate.confidence`."""
 
 
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """One exposure of a rig.
-
-    Parameters
-    ----------
-    image_regions : sequence of ImageRegion
-        What the image shows.
-    world_regions : sequence of WorldRegion
-        In the rig's frame, meters, each at the place of its image region.
-    name : str
-        Of its own; its number without one.
-    """
-
-    image_regions: Sequence[ImageRegion]
-    world_regions: Sequence[WorldRegion]
-    name: str = ""
-
-
 @checked_arguments
 def estimate_rig(
     camera: Camera,
-    frames: Iterable[Frame | tuple[Sequence[ImageRegion], Sequence[WorldRegion]]],
+    frames: Sequence[Frame],
     *,
     prior: Prior | None = None,
     solver: Solver | None = None,
@@ -81,9 +63,8 @@ def estimate_rig(
     ----------
     camera : Camera
         That took all frames.
-    frames : iterable of Frame or of pairs
-        Each a `Frame` or a pair (image_regions, world_regions), the world regions in the rig's frame, such as its
-        lidar's, meters.
+    frames : sequence of Frame
+        With regions, the world regions in the rig's frame, such as its lidar's, meters.
     prior : Prior, optional
         What is known of the pose, as of `estimate_pose`.
     solver : Solver, optional
@@ -104,7 +85,7 @@ def estimate_rig(
     Raises
     ------
     ValueError
-        For bad input, naming the frame.
+        For bad input, naming the frame, as for a frame without regions.
     PoseError
         A ValueError, where no pose shows every region.
 
@@ -298,41 +279,12 @@ class _Rig:
         return _frame_warning(one, off)
 
 
-def _checked_frames(
-    camera: Camera, frames: Iterable[Frame | tuple[Sequence[ImageRegion], Sequence[WorldRegion]]]
-) -> list[Frame]:
-    if not isinstance(camera, Camera):
-        raise ValueError(f"camera is a {type(camera).__name__}; needed a Camera")
-    try:
-        listed = list(frames)
-    except TypeError as error:
-        raise ValueError(f"frames is a {type(frames).__name__}; needed a list of Frames or pairs") from error
-    if not listed:
-        raise ValueError("frames is empty; needed at least one frame")
-    checked = [_checked_frame(frame, index) for index, frame in enumerate(listed)]
-    names = [frame.name for frame in checked]
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
-        raise ValueError(f"two frames are named {twice[0]!r}; needed a name of its own for each")
-    for frame in checked:
+def _checked_frames(camera: Camera, frames: Sequence[Frame]) -> list[Frame]:
+    named = named_frames(frames, "frame")
+    for frame in named:
+        check_has_regions(frame)
         _solid_angles(camera, frame)
-    return checked
-
-
-def _checked_frame(given: object, index: int) -> Frame:
-    """The frame with lists of regions, and its number for a name where it has none."""
-    name = (given.name if isinstance(given, Frame) else "") or f"frame {index}"
-    pair = (given.image_regions, given.world_regions) if isinstance(given, Frame) else given
-    if not isinstance(pair, Sequence) or len(pair) != 2 or not all(isinstance(side, Sequence) for side in pair):
-        raise ValueError(f"{name} is a {type(given).__name__}; needed a Frame or a pair (image_regions, world_regions)")
-    for side, kind in zip(pair, (ImageRegion, WorldRegion), strict=True):
-        for place, region in enumerate(side):
-            if not isinstance(region, kind):
-                raise ValueError(f"{name}: region {place} is a {type(region).__name__}; needed a {kind.__name__}")
-    if not pair[0] or len(pair[0]) != len(pair[1]):
-        counts = f"{len(pair[0])} image regions and {len(pair[1])} world regions"
-        raise ValueError(f"{name} has {counts}; needed at least one, and as many of both")
-    return Frame(list(pair[0]), list(pair[1]), name)
+    return named
 
 
 def _sides(frames: Sequence[Frame]) -> tuple[list[ImageRegion], list[WorldRegion]]:

@@ -16,6 +16,7 @@ from made_up_worlds import CAMERA, World, made_world, pose_of
 from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.alignment.edge_frame import EdgeFrame
+from regionpose.alignment.photo_cloud import PhotoCloud
 from regionpose.progress import UnwantedError, while_wanted
 from regionpose.solve.options import EXACT_EXPOSURE
 from regionpose.solve.prior import MOUNT_SIGMA_M
@@ -54,7 +55,7 @@ def worlds() -> list[World]:
 @pytest.fixture(scope="module")
 def found(worlds: list[World]) -> Found:
     shares: list[float] = []
-    return Found(worlds[0], rp.calibrate([worlds[0].frame()], prior=KNOWN, progress=shares.append), shares)
+    return Found(worlds[0], rp.calibrate(CAMERA, [worlds[0].frame()], prior=KNOWN, progress=shares.append), shares)
 
 
 @pytest.fixture
@@ -133,12 +134,15 @@ def test_progress_rises_from_0_to_1(found: Found) -> None:
 
 
 def test_the_answer_is_the_same_each_time(few: None, worlds: list[World]) -> None:
-    first, second = (rp.calibrate([worlds[0].frame()], prior=KNOWN) for _ in range(2))
+    first, second = (rp.calibrate(CAMERA, [worlds[0].frame()], prior=KNOWN) for _ in range(2))
     assert same(first, second)
 
 
 def test_the_answer_is_the_same_on_any_number_of_threads(worlds: list[World]) -> None:
-    core, density = EdgeFrame(worlds[0].frame(), np.zeros(3)).core, _core.Density.of_prior(KNOWN.core)
+    core, density = (
+        EdgeFrame(PhotoCloud.of(CAMERA, worlds[0].frame()), np.zeros(3)).core,
+        _core.Density.of_prior(KNOWN.core),
+    )
     one, many = (_core.search_poses([core], density, [], 1_000, [40, 20, 6], threads=count) for count in (1, 3))
     assert one and len(one) == len(many)
     for mode, other in zip(one, many, strict=True):
@@ -148,8 +152,8 @@ def test_the_answer_is_the_same_on_any_number_of_threads(worlds: list[World]) ->
 def test_frames_of_a_rig_add_up(few: None, worlds: list[World]) -> None:
     known = about_mount(pose_of(41.0), 3.0, 0.1)
     frames = [world.frame() for world in worlds]
-    alone = [rp.calibrate([frame], prior=known, solver=EXACT) for frame in frames]
-    both = rp.calibrate(frames, prior=known, solver=EXACT)
+    alone = [rp.calibrate(CAMERA, [frame], prior=known, solver=EXACT) for frame in frames]
+    both = rp.calibrate(CAMERA, frames, prior=known, solver=EXACT)
     assert_right(both, worlds[0].pose)
     assert edges_of(both).count > max(edges_of(one).count for one in alone)
     assert np.linalg.det(both.covariance) < min(np.linalg.det(one.covariance) for one in alone)
@@ -160,14 +164,14 @@ def test_errors_of_whole_exposures_shrink_by_the_number_of_frames(few: None, wor
     frames = [world.frame() for world in worlds]
     solvers = [EXACT, replace(EXACT, frame_sigma_deg=1.0, frame_sigma_m=0.2)]
     for count in (1, 2):
-        exact, rough = (rp.calibrate(frames[:count], prior=known, solver=solver) for solver in solvers)
+        exact, rough = (rp.calibrate(CAMERA, frames[:count], prior=known, solver=solver) for solver in solvers)
         added = np.diag(rough.covariance - exact.covariance)
         assert added == pytest.approx(np.repeat([np.radians(1.0) ** 2, 0.2**2], 3) / count)
 
 
 def test_a_mount_is_enough_to_know(few: None, worlds: list[World]) -> None:
     rough = rp.Pose.from_parts(pose_of(55.0).rotation.as_matrix(), np.zeros(3))
-    calibration = rp.calibrate([worlds[0].frame()], prior=about_mount(rough))
+    calibration = rp.calibrate(CAMERA, [worlds[0].frame()], prior=about_mount(rough))
     assert_right(calibration, worlds[0].pose)
     assert edges_of(calibration).assumed == ()
     assert all(errors(mode.pose, rough)[0] < 100.0 for mode in edges_of(calibration).modes)
@@ -175,7 +179,7 @@ def test_a_mount_is_enough_to_know(few: None, worlds: list[World]) -> None:
 
 def test_what_is_known_closely_makes_the_pose_surer(few: None, worlds: list[World]) -> None:
     loose, close = (
-        rp.calibrate([worlds[0].frame()], prior=about_mount(worlds[0].pose, *sigmas), solver=EXACT).covariance
+        rp.calibrate(CAMERA, [worlds[0].frame()], prior=about_mount(worlds[0].pose, *sigmas), solver=EXACT).covariance
         for sigmas in ((10.0, 0.5), (0.05, 0.003))
     )
     assert np.linalg.det(close) < 1e-3 * np.linalg.det(loose)
@@ -184,30 +188,30 @@ def test_what_is_known_closely_makes_the_pose_surer(few: None, worlds: list[Worl
 
 def test_a_rough_pose_is_a_start_without_deviations(few: None, worlds: list[World]) -> None:
     known = replace(KNOWN, initial=worlds[0].pose.retract([0.005, -0.005, 0.005, 0.02, 0.0, -0.02]))
-    calibration = rp.calibrate([worlds[0].frame()], prior=known)
+    calibration = rp.calibrate(CAMERA, [worlds[0].frame()], prior=known)
     assert_right(calibration, worlds[0].pose)
 
 
 def test_what_is_not_said_of_the_place_is_assumed(few: None, worlds: list[World]) -> None:
     frame = worlds[0].frame()
-    calibration = rp.calibrate([frame], prior=rp.Prior(up=[0, 0, 1], up_sigma_deg=3.0))
+    calibration = rp.calibrate(CAMERA, [frame], prior=rp.Prior(up=[0, 0, 1], up_sigma_deg=3.0))
     assert edges_of(calibration).assumed == ("camera_near", "camera_near_sigma_m")
     assert edges_of(calibration).prior.camera_near == (0.0, 0.0, 0.0)
     assert edges_of(calibration).prior.camera_near_sigma_m == MOUNT_SIGMA_M
-    near = rp.calibrate([frame], prior=rp.Prior(camera_near=[0.1, 0.0, 0.0]))
+    near = rp.calibrate(CAMERA, [frame], prior=rp.Prior(camera_near=[0.1, 0.0, 0.0]))
     assert edges_of(near).assumed == ("camera_near_sigma_m",) and edges_of(near).prior.camera_near == (0.1, 0.0, 0.0)
-    assert edges_of(rp.calibrate([frame])).assumed == ("camera_near", "camera_near_sigma_m")
+    assert edges_of(rp.calibrate(CAMERA, [frame])).assumed == ("camera_near", "camera_near_sigma_m")
 
 
 def test_a_photo_of_another_world_is_not_trusted(worlds: list[World]) -> None:
     mixed = worlds[0]._replace(photo=made_world(30, 200.0, 0.7).photo)
-    calibration = rp.calibrate([mixed.frame()], prior=KNOWN)
+    calibration = rp.calibrate(CAMERA, [mixed.frame()], prior=KNOWN)
     assert calibration.confidence < 0.8 and codes(calibration) & {"low-confidence", "ambiguous-pose"}
 
 
 def test_a_photo_of_one_shade_is_not_trusted(few: None, worlds: list[World]) -> None:
     world = worlds[0]._replace(photo=np.full_like(worlds[0].photo, 128))
-    calibration = rp.calibrate([world.frame()], prior=KNOWN)
+    calibration = rp.calibrate(CAMERA, [world.frame()], prior=KNOWN)
     assert calibration.confidence < 0.5 and codes(calibration) & {"low-confidence", "ambiguous-pose"}
 
 
@@ -220,7 +224,7 @@ def test_nobody_waits_for_unwanted_work(few: None, worlds: list[World]) -> None:
 
     shares: list[float] = []
     with while_wanted(is_wanted), pytest.raises(UnwantedError):
-        rp.calibrate([world.frame() for world in worlds], prior=KNOWN, progress=shares.append)
+        rp.calibrate(CAMERA, [world.frame() for world in worlds], prior=KNOWN, progress=shares.append)
     assert shares and max(shares) < 0.5
 
 
@@ -229,7 +233,7 @@ def test_points_that_are_not_finite_are_left_out(few: None, worlds: list[World])
     points, shades = world.points.copy(), world.intensity.copy()
     points[::11], points[3] = np.nan, np.inf
     shades[5::11] = np.nan
-    calibration = rp.calibrate([rp.SceneFrame(world.photo, points, CAMERA, intensity=shades)], prior=known)
+    calibration = rp.calibrate(CAMERA, [rp.Frame(image=world.photo, points=points, intensity=shades)], prior=known)
     assert_right(calibration, world.pose)
 
 
@@ -244,7 +248,7 @@ def test_numbers_may_be_of_any_kind(few: None, worlds: list[World]) -> None:
         lambda values: values.tolist(),
     ]
     first, *others = (
-        rp.calibrate([rp.SceneFrame(world.photo, kind(points), CAMERA, intensity=kind(shades))], prior=known)
+        rp.calibrate(CAMERA, [rp.Frame(image=world.photo, points=kind(points), intensity=kind(shades))], prior=known)
         for kind in kinds
     )
     assert all(same(first, other) for other in others)
@@ -253,8 +257,8 @@ def test_numbers_may_be_of_any_kind(few: None, worlds: list[World]) -> None:
 def test_clouds_of_a_map_s_grid_give_the_same_pose(few: None, worlds: list[World]) -> None:
     world = worlds[0]
     far = world._replace(points=world.points + FAR)
-    here = rp.calibrate([world.frame()], prior=KNOWN)
-    there = rp.calibrate([far.frame()], prior=KNOWN.rebase(-FAR), sensor_origin=FAR)
+    here = rp.calibrate(CAMERA, [world.frame()], prior=KNOWN)
+    there = rp.calibrate(CAMERA, [far.frame()], prior=KNOWN.rebase(-FAR), sensor_origin=FAR)
     pairs = [
         (here.pose, there.pose),
         *zip((m.pose for m in edges_of(here).modes), (m.pose for m in edges_of(there).modes), strict=True),
@@ -271,7 +275,7 @@ def test_clouds_of_a_map_s_grid_give_the_same_pose(few: None, worlds: list[World
 
 def test_the_scanner_s_place_is_where_the_camera_is_assumed(few: None, worlds: list[World]) -> None:
     far = worlds[0]._replace(points=worlds[0].points + FAR)
-    calibration = rp.calibrate([far.frame()], prior=rp.Prior(up=[0.0, 0.0, 1.0]), sensor_origin=FAR)
+    calibration = rp.calibrate(CAMERA, [far.frame()], prior=rp.Prior(up=[0.0, 0.0, 1.0]), sensor_origin=FAR)
     assert edges_of(calibration).prior.camera_near == tuple(FAR)
     assert np.linalg.norm(calibration.pose.camera_center - FAR) < 3.0
 
@@ -290,23 +294,23 @@ NOTHING: dict[str, tuple[Callable[[World], Array], str]] = {
 @pytest.mark.parametrize("case", NOTHING)
 def test_clouds_without_edges_are_refused(few: None, worlds: list[World], case: str) -> None:
     cloud, said = NOTHING[case]
-    frame = rp.SceneFrame(worlds[0].photo, cloud(worlds[0]), CAMERA)
+    frame = rp.Frame(image=worlds[0].photo, points=cloud(worlds[0]))
     with pytest.raises(rp.PoseError, match=rf"no pose was found: {said}.*; needed photos and dense clouds"):
-        rp.calibrate([frame], prior=KNOWN)
+        rp.calibrate(CAMERA, [frame], prior=KNOWN)
 
 
 def test_a_photo_of_one_pixel_is_refused(few: None, worlds: list[World]) -> None:
     camera = rp.PinholeCamera(3.0, 3.0, 0.0, 0.0, width=1, height=1)
-    frame = rp.SceneFrame(np.zeros((1, 1), dtype=np.uint8), worlds[0].points, camera)
+    frame = rp.Frame(image=np.zeros((1, 1), dtype=np.uint8), points=worlds[0].points)
     with pytest.raises(rp.PoseError, match="none of which a photo shows"):
-        rp.calibrate([frame], prior=KNOWN)
+        rp.calibrate(camera, [frame], prior=KNOWN)
 
 
 def test_tiny_photos_are_not_trusted(few: None, worlds: list[World]) -> None:
     camera = rp.PinholeCamera(6.0, 6.0, 3.5, 2.5, width=8, height=6)
     photo = np.arange(48, dtype=np.uint8).reshape(6, 8)
     try:
-        calibration = rp.calibrate([rp.SceneFrame(photo, worlds[0].points, camera)], prior=KNOWN)
+        calibration = rp.calibrate(camera, [rp.Frame(image=photo, points=worlds[0].points)], prior=KNOWN)
     except rp.PoseError:
         return
     assert calibration.confidence < 0.98 and codes(calibration)
@@ -325,21 +329,27 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
 def test_wrong_arguments_are_named(worlds: list[World], case: str) -> None:
     given, message = WRONG[case]
     with pytest.raises(ValueError, match=message):
-        rp.calibrate([worlds[0].frame()], **given)
+        rp.calibrate(CAMERA, [worlds[0].frame()], **given)
 
 
 def test_wrong_frames_are_named(worlds: list[World]) -> None:
     world = worlds[0]
     with pytest.raises(ValueError, match="frames is empty; needed at least one photo and cloud"):
-        rp.calibrate([])
-    with pytest.raises(ValueError, match=r"frames\[0\] is a str; needed a SceneFrame"):
-        rp.calibrate(["photo.png"])  # type: ignore[list-item]
+        rp.calibrate(CAMERA, [])
+    with pytest.raises(ValueError, match=r"frames\[0\] is a str; needed a Frame"):
+        rp.calibrate(CAMERA, ["photo.png"])  # type: ignore[list-item]
     with pytest.raises(ValueError, match=r"points has shape \(38400, 2\); needed \(n, 3\)"):
-        rp.calibrate([rp.SceneFrame(world.photo, world.points[:, :2], CAMERA)])
+        rp.calibrate(CAMERA, [rp.Frame(image=world.photo, points=world.points[:, :2])])
+    with pytest.raises(ValueError, match="frame 1 has no image; needed image and points"):
+        rp.calibrate(CAMERA, [world.frame(), rp.Frame(points=world.points)])
+    with pytest.raises(ValueError, match="hall has no image and points"):
+        rp.calibrate(CAMERA, [rp.Frame(name="hall")])
+    with pytest.raises(ValueError, match="frame has no points"):
+        rp.check_alignment(CAMERA, rp.Frame(image=world.photo), world.pose)
     with pytest.raises(ValueError, match=r"intensity has shape \(38399,\); needed \(38400,\)"):
-        rp.calibrate([rp.SceneFrame(world.photo, world.points, CAMERA, intensity=world.intensity[1:])])
+        rp.calibrate(CAMERA, [rp.Frame(image=world.photo, points=world.points, intensity=world.intensity[1:])])
     with pytest.raises(ValueError, match=r"point 0 is .*; needed coordinates of at most"):
-        rp.calibrate([rp.SceneFrame(world.photo, np.full((1, 3), 1e70), CAMERA)])
+        rp.calibrate(CAMERA, [rp.Frame(image=world.photo, points=np.full((1, 3), 1e70))])
 
 
 def test_clouds_are_looked_at_from_where_the_prior_has_the_camera(few: None, worlds: list[World]) -> None:
@@ -347,14 +357,14 @@ def test_clouds_are_looked_at_from_where_the_prior_has_the_camera(few: None, wor
     near = replace(KNOWN.rebase(-FAR), up_sigma_deg=1.0)
     mounted = about_mount(worlds[0].pose.rebase(-FAR), 3.0, 0.1)
     for prior in (near, mounted):
-        calibration = rp.calibrate([far.frame()], prior=prior)
+        calibration = rp.calibrate(CAMERA, [far.frame()], prior=prior)
         assert edges_of(calibration).prior == prior and edges_of(calibration).count > 500
     assert_right(calibration, worlds[0].pose.rebase(-FAR))
 
 
 def test_an_initial_pose_alone_says_where_the_camera_is(few: None, worlds: list[World]) -> None:
     known = about_mount(worlds[0].pose, 2.0, 0.1)
-    calibration = rp.calibrate([worlds[0].frame()], prior=known, sensor_origin=np.zeros(3))
+    calibration = rp.calibrate(CAMERA, [worlds[0].frame()], prior=known, sensor_origin=np.zeros(3))
     assert edges_of(calibration).prior.camera_near is None and edges_of(calibration).assumed == ()
     assert_right(calibration, worlds[0].pose)
 

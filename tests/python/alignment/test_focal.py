@@ -32,9 +32,9 @@ def judged(camera: rp.cameras.Camera, seed: int, photo: int | None = None, frame
     for number in range(seed, seed + frames):
         _, points = cards(number)
         picture, _ = cards(number if photo is None else photo)
-        sides = (images(seed), None, worlds()) if number == seed else ()
-        held.append(rp.SceneFrame(picture, points, camera, *sides))
-    return rp.calibrate(held)
+        sides = (images(seed), worlds()) if number == seed else ()
+        held.append(rp.Frame(*sides, image=picture, points=points))
+    return rp.calibrate(camera, held)
 
 
 @pytest.mark.parametrize(("seed", "factor"), [(0, 0.85), (1, 0.85), (1, 0.9), (0, 1.15), (1, 1.2)])
@@ -74,7 +74,7 @@ def test_a_camera_without_focal_lengths_has_no_such_evidence() -> None:
     photo, points = np.zeros((500, 1000), dtype=np.uint8), cards(0)[1]
     rings = [camera.project(SHAPE + place) for place in PLACES]
     regions = [rp.ImageRegion.from_polygon(ring) for ring in rings]
-    assert edges_of(rp.calibrate([rp.SceneFrame(photo, points, camera, regions, None, worlds())])).focal is None
+    assert edges_of(rp.calibrate(camera, [rp.Frame(regions, worlds(), image=photo, points=points)])).focal is None
 
 
 def test_frames_of_one_pose_count_together() -> None:

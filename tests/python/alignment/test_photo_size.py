@@ -21,8 +21,11 @@ WORLDS = [rp.WorldRegion.from_polygon(POSE.inverse().transform(SIGN))]
 SMALL = rp.ImageRegion.from_mask(np.pad(np.ones((60, 90), dtype=np.bool_), ((40, 140), (80, 150))))
 
 TAKE_PHOTOS: dict[str, Callable[[Photo, rp.cameras.Camera], object]] = {
-    "check_alignment": lambda photo, camera: rp.check_alignment(camera, photo, POINTS, POSE),
-    "SceneFrame": lambda photo, camera: rp.SceneFrame(photo, POINTS, camera),
+    "check_alignment": lambda photo, camera: rp.check_alignment(camera, rp.Frame(image=photo, points=POINTS), POSE),
+    "calibrate": lambda photo, camera: rp.calibrate(camera, [rp.Frame(image=photo, points=POINTS)]),
+    "confirmed_regions": lambda photo, camera: rp.scene.confirmed_regions(
+        camera, rp.Frame(image=photo, points=POINTS), POSE
+    ),
     "colorize": lambda photo, camera: rp.colorize(camera, photo, POINTS, POSE),
     "blend_colors": lambda photo, camera: rp.fusion.blend_colors([(camera, photo, POSE)], POINTS),
     "overlay_regions": lambda photo, camera: rp.overlay_regions(camera, photo, IMAGES, WORLDS, POSE),
@@ -34,8 +37,8 @@ TAKE_MASKS: dict[str, Callable[[rp.ImageRegion], object]] = {
     "estimate_rig": lambda region: rp.estimate_rig(CAMERA, [rp.Frame([region], WORLDS)]),
     "match_regions": lambda region: rp.match_regions(CAMERA, [region], WORLDS),
     "overlap_errors": lambda region: rp.solve.overlap_errors(CAMERA, [region], WORLDS, POSE),
-    "check_alignment": lambda region: rp.check_alignment(CAMERA, PHOTO, POINTS, POSE, regions=[region]),
-    "SceneFrame": lambda region: rp.SceneFrame(PHOTO, POINTS, CAMERA, [region]),
+    "check_alignment": lambda region: rp.check_alignment(CAMERA, rp.Frame([region], image=PHOTO, points=POINTS), POSE),
+    "calibrate": lambda region: rp.calibrate(CAMERA, [rp.Frame([region], WORLDS, image=PHOTO, points=POINTS)]),
     "overlay_regions": lambda region: rp.overlay_regions(CAMERA, PHOTO, [region], WORLDS, POSE),
 }
 
@@ -94,7 +97,7 @@ def test_a_long_narrow_photo_is_taken_like_any(shape: tuple[int, int]) -> None:
     assert rp.colorize(camera, photo, points, rp.Pose.from_quat([0, 0, 0, 1], [0, 0, 0]))[1].any()
     drawn = rp.overlay_depth(camera, photo, points, rp.Pose.from_quat([0, 0, 0, 1], [0, 0, 0]))
     assert drawn.shape[0] == height and drawn.shape[1] > width
-    assert rp.check_alignment(camera, photo, points, POSE).log_odds == 0.0
+    assert rp.check_alignment(camera, rp.Frame(image=photo, points=points), POSE).log_odds == 0.0
 
 
 def test_a_photo_in_whose_middle_the_camera_sees_no_ray_is_named() -> None:
@@ -104,4 +107,4 @@ def test_a_photo_in_whose_middle_the_camera_sees_no_ray_is_named() -> None:
     with pytest.raises(
         ValueError, match=r"camera: found no ray at the middle of 100 x 40960 pixels, .* needed the camera"
     ):
-        rp.check_alignment(lens, photo, POINTS, POSE)
+        rp.check_alignment(lens, rp.Frame(image=photo, points=POINTS), POSE)

@@ -57,7 +57,7 @@ def occlusion(*parts: Array, world: rp.WorldRegion | None = None, shown: Array =
     points = POSE.inverse().transform(np.concatenate(parts))
     image = rp.ImageRegion.from_polygon(CAMERA.project(shown))
     world = world or rp.WorldRegion.from_polygon(POSE.inverse().transform(SIGN))
-    alignment = rp.check_alignment(CAMERA, BLANK, points, POSE, regions=[image], world_regions=[world])
+    alignment = rp.check_alignment(CAMERA, rp.Frame([image], [world], image=BLANK, points=points), POSE)
     (found,) = alignment.occlusions
     return found
 
@@ -130,7 +130,7 @@ def test_a_region_on_the_seam_of_a_panorama() -> None:
     here = rp.Pose.from_parts(np.eye(3), np.zeros(3))
     board = Board(3.0, -4.0, 0.0).points() * [1.0, 1.0, -1.0]
     photo = np.full((500, 1000), 128, dtype=np.uint8)
-    alignment = rp.check_alignment(camera, photo, board, here, regions=[image], world_regions=[world])
+    alignment = rp.check_alignment(camera, rp.Frame([image], [world], image=photo, points=board), here)
     (found,) = alignment.occlusions
     assert found.share == pytest.approx(0.5, abs=0.05)
 
@@ -139,7 +139,7 @@ def test_clouds_without_points_hide_nothing() -> None:
     for points in (np.zeros((0, 3)), np.full((9, 3), np.nan), np.array([POSE.camera_center])):
         world = [rp.WorldRegion.from_polygon(POSE.inverse().transform(SIGN))]
         shown = [rp.ImageRegion.from_polygon(CAMERA.project(SIGN))]
-        alignment = rp.check_alignment(CAMERA, BLANK, points, POSE, regions=shown, world_regions=world)
+        alignment = rp.check_alignment(CAMERA, rp.Frame(shown, world, image=BLANK, points=points), POSE)
         assert alignment.occlusions[0].share == 0.0 and alignment.log_odds == 0.0
 
 
@@ -155,7 +155,7 @@ def test_hidden_regions_speak_nine_to_one_against_a_pose() -> None:
     world = [rp.WorldRegion.from_polygon(POSE.inverse().transform(SIGN))] * 2
     shown = [rp.ImageRegion.from_polygon(CAMERA.project(SIGN))] * 2
     board = POSE.inverse().transform(Board(3.0, -4.0, 4.0).points())
-    alignment = rp.check_alignment(CAMERA, BLANK, board, POSE, regions=shown, world_regions=world)
+    alignment = rp.check_alignment(CAMERA, rp.Frame(shown, world, image=BLANK, points=board), POSE)
     assert alignment.edge_log_odds == 0.0 and alignment.log_odds == pytest.approx(-np.log(9.0))
     assert "hidden=2" in repr(alignment)
 
@@ -163,7 +163,7 @@ def test_hidden_regions_speak_nine_to_one_against_a_pose() -> None:
 def test_regions_come_in_pairs() -> None:
     world = [rp.WorldRegion.from_polygon(POSE.inverse().transform(SIGN))]
     with pytest.raises(ValueError, match="there are 1 world regions; needed 0, one for each image region"):
-        rp.check_alignment(CAMERA, BLANK, np.zeros((5, 3)), POSE, world_regions=world)
+        rp.check_alignment(CAMERA, rp.Frame([], world, image=BLANK, points=np.zeros((5, 3))), POSE)
 
 
 SLOPED = np.array([[-0.9, -2.4, 5.0], [0.5, -2.4, 6.2], [0.5, -0.6, 6.2], [-0.9, -0.6, 5.0]])
@@ -193,7 +193,7 @@ def test_the_pose_that_hides_nothing_is_chosen_where_a_photo_has_no_edges() -> N
     answers = [free.pose, *(other.pose for other in free.diagnostics.alternatives)]
     right = [bool((pose.rotation * POSE.rotation.inv()).magnitude() < 0.01) for pose in answers]
     assert sorted(right) == [False, True]
-    found = rp.calibrate([rp.SceneFrame(BLANK, room(), CAMERA, images, None, worlds)])
+    found = rp.calibrate(CAMERA, [rp.Frame(images, worlds, image=BLANK, points=room())])
     estimate = found
     assert (
         edges_of(found).log_odds == pytest.approx(0.0, abs=0.5) and regions_only_of(found).rank == right.index(True) + 1
@@ -217,7 +217,7 @@ def board() -> Array:
 
 def test_a_pose_that_hides_a_region_is_warned_of_by_name() -> None:
     images, worlds = sides(LEFT, RIGHT)
-    found = rp.calibrate([rp.SceneFrame(BLANK, board(), CAMERA, images, None, worlds)])
+    found = rp.calibrate(CAMERA, [rp.Frame(images, worlds, image=BLANK, points=board())])
     estimate = found
     (warning,) = [each for each in estimate.warnings if each.code == "occluded-region"]
     assert warning.regions == (1,) and warning.values["hidden_share"] == pytest.approx(0.95, abs=0.05)
@@ -251,6 +251,6 @@ def test_a_scene_file_with_a_hidden_region_is_doubtful(tmp_path: Path) -> None:
 def test_regions_are_counted_over_all_frames() -> None:
     images, worlds = sides(LEFT, RIGHT)
     far = np.full((1, 3), 50.0)
-    frames = [rp.SceneFrame(BLANK, points, CAMERA, images, None, worlds) for points in (far, board())]
-    found = rp.calibrate(frames)
+    frames = [rp.Frame(images, worlds, image=BLANK, points=points) for points in (far, board())]
+    found = rp.calibrate(CAMERA, frames)
     assert [warning.regions for warning in found.warnings if warning.code == "occluded-region"] == [(3,)]

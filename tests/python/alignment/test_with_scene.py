@@ -49,8 +49,8 @@ def judged(shapes: list[Array], turn: Rotation = STRAIGHT, **known: Any) -> rp.P
     """The pose of shapes and of the edges of cards."""
     photo, points = cards(3)
     images, worlds = sides(shapes, turn)
-    frame = rp.SceneFrame(photo, points, CAMERA, images, None, worlds)
-    return rp.calibrate([frame], **{"solver": rp.Solver(**EXACT_EXPOSURE), **known})
+    frame = rp.Frame(images, worlds, image=photo, points=points)
+    return rp.calibrate(CAMERA, [frame], **{"solver": rp.Solver(**EXACT_EXPOSURE), **known})
 
 
 def alone(shapes: list[Array]) -> rp.PoseEstimate:
@@ -165,20 +165,22 @@ def test_wrong_shapes_are_named() -> None:
     images, worlds = sides(SHAPES)
     photo, points = cards(0)
     with pytest.raises(ValueError, match=r"points has shape \(5, 2\); needed \(n, 3\)"):
-        rp.calibrate([rp.SceneFrame(photo, points[:5, :2], CAMERA, images, None, worlds)])
+        rp.calibrate(CAMERA, [rp.Frame(images, worlds, image=photo, points=points[:5, :2])])
     with pytest.raises(ValueError, match=r"image has shape \(3,\)"):
-        rp.SceneFrame([1.0, 0.5, 0.25], points, CAMERA, images, None, worlds)
+        rp.calibrate(CAMERA, [rp.Frame(images, worlds, image=[1.0, 0.5, 0.25], points=points)])
 
 
 def test_the_intensity_of_a_cloud_counts_in_a_call_and_in_a_scene_file(tmp_path: Path) -> None:
     photo, points, intensity = painted(3)
     images, worlds = sides(SHAPES)
     solver = rp.Solver(**EXACT_EXPOSURE)
-    without = rp.calibrate([rp.SceneFrame(photo, points, CAMERA, images, None, worlds)], solver=solver)
+    without = rp.calibrate(CAMERA, [rp.Frame(images, worlds, image=photo, points=points)], solver=solver)
     assert (
         edges_of(without).count == 0 and edges_of(without).log_odds == 0.0 and not regions_only_of(without).is_refined
     )
-    called = rp.calibrate([rp.SceneFrame(photo, points, CAMERA, images, intensity, worlds)], solver=solver)
+    called = rp.calibrate(
+        CAMERA, [rp.Frame(images, worlds, image=photo, points=points, intensity=intensity)], solver=solver
+    )
     assert edges_of(called).log_odds > 5.0
     run = rp.estimate_scene(rp.load_scene(scene_file(tmp_path, SHAPES, intensity=intensity, wall=True)))
     assert edges_of(run.estimate).count == pytest.approx(edges_of(called).count, rel=0.02)

@@ -19,9 +19,9 @@ PHOTO = np.full((480, 640, 3), 90, dtype=np.uint8)
 SIGN = np.array([[0.0, 0.0, 4.0], [0.8, 0.0, 4.0], [0.8, 0.4, 4.0], [0.4, 0.4, 4.0], [0.4, 1.0, 4.0], [0.0, 1.0, 4.0]])
 POINTS = POSE.inverse().transform(SIGN)
 IMAGE, WORLD = rp.ImageRegion.from_polygon(CAMERA.project(SIGN)), rp.WorldRegion.from_polygon(POINTS)
-FRAME = rp.SceneFrame(PHOTO, POINTS, CAMERA)
+FRAME = rp.Frame([IMAGE], [WORLD], image=PHOTO, points=POINTS)
 
-OWN = ("Camera", "Pose", "ImageRegion", "WorldRegion", "Frame", "SceneFrame", "Cloud", "Scene", "Prior", "Solver")
+OWN = ("Camera", "Pose", "ImageRegion", "WorldRegion", "Frame", "Cloud", "Scene", "Prior", "Solver")
 ASKED = re.compile(rf"(Sequence\[)?({'|'.join(OWN)})(?(1)\])( \| None)?")
 """A hint that asks for one of the package's classes, or for a list of them, and for nothing else but None."""
 
@@ -29,7 +29,8 @@ GIVEN: dict[str, Any] = {
     "camera": CAMERA,
     "cloud": rp.Cloud.from_points(POINTS),
     "covariance": 1e-6 * np.eye(6),
-    "frames": [rp.Frame([IMAGE], [WORLD])],
+    "frame": FRAME,
+    "frames": [FRAME],
     "image": PHOTO,
     "image_regions": [IMAGE],
     "image_shape": (480, 640),
@@ -44,8 +45,6 @@ GIVEN: dict[str, Any] = {
 }
 
 GIVEN_TO: dict[str, dict[str, Any]] = {
-    "calibrate": {"frames": [FRAME]},
-    "scene.confirmed_regions": {"frame": FRAME},
     "io.write_pose": {"folder": "out", "tool": "opencv"},
     "fusion.colored_cloud": {"views": []},
 }
@@ -55,11 +54,11 @@ OBJECTS: dict[type, object] = {
     rp.ImageRegion: IMAGE,
     rp.Pose: POSE,
     rp.Prior: rp.Prior(),
-    rp.SceneFrame: FRAME,
+    rp.Frame: FRAME,
 }
 
-ELSEWHERE = {"Frame", "estimate_poses"}
-"""What checks its arguments in a test of its own: test_rig.py, test_solver.py."""
+ELSEWHERE = {"estimate_poses"}
+"""What checks its arguments in a test of its own: test_solver.py."""
 
 
 def public() -> Iterator[tuple[str, Callable[..., object]]]:
@@ -106,7 +105,7 @@ def test_an_argument_of_another_kind_is_named(
 def test_all_that_users_give_is_looked_at() -> None:
     names = {name for name, *_ in CASES}
     assert {"estimate_pose", "estimate_rig", "colorize", "check_alignment", "Pose.local_coordinates"} <= names
-    assert {"ImageRegion.bearings", "SceneFrame", "io.write_ply", "estimate_scene"} <= names
+    assert {"ImageRegion.bearings", "Frame", "io.write_ply", "estimate_scene"} <= names
     assert len(CASES) >= 40
 
 

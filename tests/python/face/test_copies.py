@@ -82,8 +82,8 @@ def estimates() -> list[Any]:
     demo, (camera, frames), (images, worlds) = load_demo(), fisheye_frames(0, 2), demo_regions()
     rig = rp.estimate_rig(camera, frames)
     return [
-        rp.calibrate([rp.SceneFrame(demo.image, demo.points[::4], demo.camera, images, None, worlds)]),
-        rp.SceneFrame(demo.image, np.ascontiguousarray(demo.points[::20]), demo.camera),
+        rp.calibrate(demo.camera, [rp.Frame(images, worlds, image=demo.image, points=demo.points[::4])]),
+        rp.Frame(image=demo.image, points=np.ascontiguousarray(demo.points[::20])),
         *(rig, rig.sigma, *frames),
         rp.match_regions(demo.camera, images, worlds),
         rp.Prior(camera_near=demo_pose().camera_center, camera_near_sigma_m=0.5),

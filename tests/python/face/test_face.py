@@ -172,7 +172,7 @@ def test_one_solver_is_the_same_alone_in_a_batch_in_a_matching_and_in_a_rig(solv
     alone = rp.estimate_pose(CAMERA, images, worlds, prior=prior, solver=solver)
     (batched,) = rp.estimate_poses([(CAMERA, images, worlds)], prior=prior, solver=solver)
     matched = rp.match_regions(CAMERA, images, worlds, prior=prior, solver=solver).estimate
-    rig = rp.estimate_rig(CAMERA, [(images, worlds)], prior=prior, solver=solver)
+    rig = rp.estimate_rig(CAMERA, [rp.Frame(images, worlds)], prior=prior, solver=solver)
     assert isinstance(batched, rp.PoseEstimate)
     for pose in (batched.pose, matched.pose, rig.pose):
         np.testing.assert_allclose(pose.matrix, alone.pose.matrix, atol=1e-6)

@@ -58,7 +58,7 @@ LONG = {
         "while True: rp.estimate_pose(*problem, solver=native)"
     ),
     "estimate_rig": (
-        "camera, images, worlds = given(1)\nready()\nwhile True: rp.estimate_rig(camera, [(images, worlds)] * 200)"
+        "camera, *sides = given(1)\nready()\nwhile True: rp.estimate_rig(camera, [rp.Frame(*sides)] * 200)"
     ),
     "match_regions": (
         "camera, images, worlds = given(1)\nready()\nwhile True: rp.match_regions(camera, images, worlds[::-1])"
@@ -66,7 +66,7 @@ LONG = {
     "estimate_pose_of_samples": "problem = sampled()\nready()\nwhile True: rp.estimate_pose(*problem)",
     "estimate_poses_of_samples": "problem = sampled()\nready()\nrp.estimate_poses([problem] * 50, threads=2)",
     "estimate_rig_of_samples": (
-        "camera, images, worlds = sampled()\nready()\nwhile True: rp.estimate_rig(camera, [(images, worlds)] * 5)"
+        "camera, *sides = sampled()\nready()\nwhile True: rp.estimate_rig(camera, [rp.Frame(*sides)] * 5)"
     ),
     "match_many_regions": (
         "camera, images, worlds = given(1)\nready()\nwhile True: rp.match_regions(camera, images * 12, worlds * 12)"

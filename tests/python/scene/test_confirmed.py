@@ -25,7 +25,7 @@ def planes(world: World) -> list[np.ndarray]:
 
 @pytest.fixture(scope="module")
 def found(world: World, planes: list[np.ndarray]) -> rp.scene.ConfirmedRegions:
-    return rp.scene.confirmed_regions(world.frame(), world.pose, sensor_origin=SCANNER, planes=planes)
+    return rp.scene.confirmed_regions(CAMERA, world.frame(), world.pose, sensor_origin=SCANNER, planes=planes)
 
 
 def turned(pose: rp.Pose, degrees: float) -> rp.Pose:
@@ -54,7 +54,9 @@ def test_the_regions_give_the_pose(world: World, found: rp.scene.ConfirmedRegion
 def test_a_turned_pose_is_confirmed_by_less(
     world: World, planes: list[np.ndarray], found: rp.scene.ConfirmedRegions, degrees: float
 ) -> None:
-    wrong = rp.scene.confirmed_regions(world.frame(), turned(world.pose, degrees), sensor_origin=SCANNER, planes=planes)
+    wrong = rp.scene.confirmed_regions(
+        CAMERA, world.frame(), turned(world.pose, degrees), sensor_origin=SCANNER, planes=planes
+    )
     assert wrong.log_odds < np.log(9.0) and 2 * len(wrong.regions) < len(found.regions)
 
 
@@ -67,26 +69,26 @@ def test_regions_show_what_the_photo_does(world: World, found: rp.scene.Confirme
 
 
 def test_a_photo_without_edges_confirms_nothing(world: World, planes: list[np.ndarray]) -> None:
-    frame = rp.SceneFrame(np.full_like(world.photo, 90), world.points, CAMERA)
-    found = rp.scene.confirmed_regions(frame, world.pose, sensor_origin=SCANNER, planes=planes)
+    frame = rp.Frame(image=np.full_like(world.photo, 90), points=world.points)
+    found = rp.scene.confirmed_regions(CAMERA, frame, world.pose, sensor_origin=SCANNER, planes=planes)
     assert found.regions == () and found.log_odds < np.log(9.0)
 
 
 def test_planes_are_found_in_view_where_none_are_given(world: World, found: rp.scene.ConfirmedRegions) -> None:
     shares: list[float] = []
-    own = rp.scene.confirmed_regions(world.frame(), world.pose, sensor_origin=SCANNER, progress=shares.append)
+    own = rp.scene.confirmed_regions(CAMERA, world.frame(), world.pose, sensor_origin=SCANNER, progress=shares.append)
     assert len(own.regions) >= 3 and own.log_odds == found.log_odds
     assert shares == sorted(shares) and shares[-1] == 1.0
 
 
 def test_without_points_in_view_nothing_is_compared(world: World) -> None:
-    frame = rp.SceneFrame(world.photo, world.points[:0], CAMERA)
-    found = rp.scene.confirmed_regions(frame, world.pose)
+    frame = rp.Frame(image=world.photo, points=world.points[:0])
+    found = rp.scene.confirmed_regions(CAMERA, frame, world.pose)
     assert found.regions == () and found.compared == 0 and found.log_odds == 0.0
 
 
 def test_the_scanner_need_not_be_known(world: World, planes: list[np.ndarray]) -> None:
-    found = rp.scene.confirmed_regions(world.frame(), world.pose, planes=planes)
+    found = rp.scene.confirmed_regions(CAMERA, world.frame(), world.pose, planes=planes)
     assert found.log_odds >= np.log(9.0)
 
 
@@ -101,9 +103,9 @@ def test_the_scanner_need_not_be_known(world: World, planes: list[np.ndarray]) -
 )
 def test_indices_that_are_none_are_refused(world: World, planes: list[list[float]], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        rp.scene.confirmed_regions(world.frame(), world.pose, planes=planes)
+        rp.scene.confirmed_regions(CAMERA, world.frame(), world.pose, planes=planes)
 
 
 def test_a_place_of_another_shape_is_refused(world: World) -> None:
     with pytest.raises(ValueError, match="sensor_origin"):
-        rp.scene.confirmed_regions(world.frame(), world.pose, sensor_origin=[0.0, 0.0])
+        rp.scene.confirmed_regions(CAMERA, world.frame(), world.pose, sensor_origin=[0.0, 0.0])

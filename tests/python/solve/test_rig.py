@@ -356,9 +356,15 @@ def test_a_vertex_on_the_rim_of_the_view_has_no_derivative() -> None:
     [
         (lambda good: 3, {}, "frames is a int; needed a list"),
         (lambda good: [], {}, "frames is empty"),
-        (lambda good: [good, 5], {}, "frame 1 is a int; needed a Frame or a pair"),
-        (lambda good: [good, (good.image_regions, [])], {}, "frame 1 has 2 image regions and 0 world regions"),
-        (lambda good: [(good.world_regions, good.image_regions)], {}, "frame 0: region 0 is a WorldRegion"),
+        (lambda good: [good, 5], {}, r"frames\[1\] is a int; needed a Frame"),
+        (lambda good: [good, (good.image_regions, [])], {}, r"frames\[1\] is a tuple; needed a Frame"),
+        (lambda good: [good, rp.Frame(good.image_regions)], {}, "frame 1 has 2 image regions and 0 world regions"),
+        (
+            lambda good: [good, rp.Frame(name="wall")],
+            {},
+            "wall has 0 image regions and 0 world regions; needed at least",
+        ),
+        (lambda good: [rp.Frame(good.world_regions, good.image_regions)], {}, r"image_regions\[0\] is a WorldRegion"),
         (lambda good: [replace(good, name="a"), replace(good, name="a")], {}, "two frames are named 'a'"),
         (lambda good: [good], {"refine_camera": "focal"}, r"needed a sequence, as \(\"focal\",\)"),
         (lambda good: [good], {"refine_camera": ("zoom",)}, "refine_camera holds 'zoom'; needed some of 'focal'"),

@@ -34,8 +34,8 @@ class World(NamedTuple):
     intensity: Array
     pose: rp.Pose
 
-    def frame(self) -> rp.SceneFrame:
-        return rp.SceneFrame(self.photo, self.points, CAMERA, intensity=self.intensity)
+    def frame(self) -> rp.Frame:
+        return rp.Frame(image=self.photo, points=self.points, intensity=self.intensity)
 
 
 def pose_of(heading_deg: float) -> rp.Pose:
