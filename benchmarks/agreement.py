@@ -1,12 +1,12 @@
-"""How well edges of photo and cloud tell right poses from wrong ones, on frames with ground truth.
+"""How well edges of photo and cloud separate right poses from wrong ones, on frames with ground truth.
 
 Of each frame, a folder with calib.json, a photo and a cloud, the agreement of photo and cloud is measured at the true
 pose and at poses that are turned by 8 to 180 degrees, most of them moved by a meter or two, too. Where there are no
 frames this says so and ends.
 
-A line each: edges in view, the share of them that lie on edges of the photo at the true pose, the logarithm of the
+A line each: edges in view, the fraction of them that lie on edges of the photo at the true pose, the logarithm of the
 odds, the least and the largest of the wrong poses', and seconds for photo and pose. Then the AUC: the share of pairs of
-a right and a wrong pose that the odds order rightly, ties counting half; and what `SILENT_PRIOR` of
+a right and a wrong pose that the odds order rightly, ties counting half; and what `UNINFORMATIVE_PRIOR` of
 `regionpose.alignment.odds` is taken from: how many true poses have odds below 1.
 
     python -m benchmarks.agreement [--data ../shared/data] [--wrong 12]
@@ -119,7 +119,7 @@ def main() -> None:
         seconds = (middle - start, time.perf_counter() - middle)
         odds = [alignment(seen, pose).log_odds for pose in wrong_poses(held.pose, given.wrong, number)]
         print(
-            f"{held.name:24} {len(true.places):6}  {true.share:5.2f}  {true.log_odds:8.2f}"
+            f"{held.name:24} {len(true.places):6}  {true.edge_fraction:5.2f}  {true.log_odds:8.2f}"
             f"  {min(odds):10.2f}  {max(odds):5.2f}   {seconds[0]:.2f}, {seconds[1]:.2f}",
             flush=True,
         )

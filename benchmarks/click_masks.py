@@ -3,7 +3,7 @@
 The scenes are folders with image.png and regions.json below --data. The click is the pixel deepest inside the drawn
 face; of the masks that `regionpose pick` proposes there the best one counts. A line each, then the share of faces with
 an overlap (IoU) of 0.9, and the median. A drawn face holds its windows, and a mask by color doesn't; the inner
-rectangle of a chessboard has no edge of its own: it is known by the corners of its squares alone.
+rectangle of a chessboard has no edge of its own: the corners of its squares determine it.
 
 With --elsewhere the click is some other pixel inside, at random but the same in each run of the same faces.
 

@@ -114,7 +114,7 @@ def solved(chosen: tuple[Kind, int]) -> Solved | None:
     if estimate is None:
         return None
     first = estimate.best
-    most = _core.nearness(first.covariance) * first.confidence / estimate.probability
+    most = _core.rotation_confidence(first.covariance) * first.confidence / estimate.probability
     found = rotation_error(first.rotation, problem.scene.rotation) < WRONG_DEG
     return Solved(kind.name, tuple(estimate.evidence.tolist()), most, first.confidence, found)
 

@@ -10,7 +10,7 @@ alternate between all rows and their references:
     bitten     the batch, a notch of 5 % of its area cut out of each image outline
     masks      the batch on masks of 2376 x 1584 px with errors on 20 % of the area, contours traced beforehand
     from_mask  tracing such a mask, over `cv2.findContours` on it
-    samples    the batch on scans of 64 beams, whose regions are known by all beams as samples, over the outlines of the
+    samples    the batch on scans of 64 beams, whose regions are given as samples of all beams, over the outlines of the
                same scans' points
 
     python benchmarks/speed.py [--rows batch single ...] [--scenes 20] [--rounds 11]

@@ -79,7 +79,7 @@ def stages(given: Given, system: System) -> tuple[Stages, _core.Estimate | None]
     _, search = timed(lambda: raw.search(refine=None))
     found, whole = timed(raw.search)
     minima, solve = timed(lambda: [scipy_minimum(found, *candidate) for candidate in found.candidates])
-    estimate, verdict = timed(lambda: found.judged(minima))
+    estimate, verdict = timed(lambda: found.assess(minima))
     return Stages(contours, bearings, build, search, max(whole - search, 0.0), solve, verdict), estimate
 
 

@@ -124,7 +124,7 @@ def most_hidden(seen: PhotoCloud, pose: rp.Pose, gap: int) -> float:
     """The fraction of the most hidden region, with surfaces that close gaps of so many cells."""
     with patch.object(visibility, "GAP_CELLS", gap):
         found = visibility.occlusions(seen, pose)
-    return max((each.share for each in found if each.share > 0.0), default=0.0)
+    return max((each.hidden_fraction for each in found if each.hidden_fraction > 0.0), default=0.0)
 
 
 def table(poses: Sequence[Pose], gap: int) -> Iterator[str]:

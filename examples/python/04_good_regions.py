@@ -34,7 +34,7 @@ def estimated(polygons):
 
 
 # %%
-# One plane that faces the camera tells its tilt badly: a small turn either way looks the same. Turn the camera, or
+# One plane that faces the camera determines its tilt badly: a small turn either way looks the same. Turn the camera, or
 # choose another face.
 
 angles = np.array([2, 5, 10, 20, 30, 45, 60])
@@ -69,7 +69,7 @@ for axes, (name, polygons) in zip(panels, layouts.items(), strict=True):
 plt.show()
 
 # %%
-# Weak geometry is a warning that says which direction is weak and why.
+# Weak geometry is a warning that names the weak direction and its cause.
 
 small_and_frontal = estimated([placed([0, 2, 0], [0, 0, 9], size=0.25)])
 for warning in small_and_frontal.warnings:

@@ -2,7 +2,7 @@
 Which region is which
 =====================
 
-``match_regions`` needs no pairs: it finds those that one pose explains, and says which regions are left over.
+``match_regions`` needs no pairs: it finds those that one pose explains, and lists the regions that are left over.
 """
 
 import matplotlib.pyplot as plt

@@ -54,7 +54,7 @@ plt.show()
 
 # %%
 # **3. Search.** Closed-form poses of single regions are the starts; the best ones are refined. Those that project
-# every region onto its contour remain. The overlap error says how far a pose is from that.
+# every region onto its contour remain. The overlap error measures how far a pose is from that.
 
 distances = np.linspace(0, 10, 21)
 turned = []
@@ -71,7 +71,7 @@ axes.legend(fontsize=8)
 plt.show()
 
 # %%
-# **4. Contour fit.** The best poses are led onto the parts of the contours that are clean. What remains gives the
+# **4. Contour fit.** The best poses are refined on the parts of the contours that are clean. What remains gives the
 # noise, the covariance and the confidence.
 
 print(f"boundary noise {estimate.diagnostics.boundary_noise_px:.2f} px")

@@ -1,4 +1,4 @@
-"""The core's kernels: rings, meshes, moments, and problems and what comes of them."""
+"""The compiled core: rings, meshes, moments, problems and their estimates."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import Final, Literal, final
@@ -30,17 +30,17 @@ __all__ = [
     "mask_contours",
     "mesh_planar_moments",
     "mesh_spherical_moments",
-    "moved_pose",
     "nearest_edges",
-    "nearness",
     "pixel_moments",
     "planar_moments",
     "plane_rings",
     "quad_solid_angles",
+    "retract_pose",
+    "rotation_confidence",
     "search_poses",
     "spherical_moments",
     "triangulate",
-    "work_done",
+    "work_counter",
 ]
 __version__: Final[str]
 
@@ -98,14 +98,14 @@ def even_mesh(rings: Iterable[ArrayLike], edge_length: float) -> tuple[NDArray[n
 def alpha_shape(points: ArrayLike, radius: float) -> list[NDArray[np.float64]]:
     """Rings (m, 2) of the outline of points (n, 2), outer ones counter-clockwise, holes clockwise."""
 
-def moved_pose(
+def retract_pose(
     rotation: ArrayLike, translation: ArrayLike, increment: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Rotation (3, 3) and translation (3,) of a pose moved by a left increment (6,), `[omega (rad), tau]`."""
+    """Rotation (3, 3) and translation (3,) of a pose with a left increment (6,) applied, `[omega (rad), tau]`."""
 
-def nearness(covariance: ArrayLike) -> float:
-    """Probability that a pose at the right place, of this covariance (6, 6) of its left increment, is within 5 degrees
-    of the true one.
+def rotation_confidence(covariance: ArrayLike) -> float:
+    """Probability that the rotation error of a pose at the right mode, of this covariance (6, 6) of its left increment,
+    is below 5 degrees.
     """
 
 def estimate_batch(
@@ -125,8 +125,8 @@ def estimate_batch(
     view, and what is wrong with it for one that is refused.
     """
 
-def work_done() -> int:
-    """What this thread has counted so far of the work that bounds searches: edges that were looked at."""
+def work_counter() -> int:
+    """Work counted so far on this thread against the budgets of searches, in evaluated edges."""
 
 _WarningParts = tuple[str, list[int], dict[str, float | str | tuple[float, ...]]]
 
@@ -150,10 +150,12 @@ class CloudEdges:
         place: ArrayLike,
         cell: float,
         gap: float,
-        share: float,
+        step_fraction: float,
         shades: NDArray[np.float64] | None = None,
     ) -> CloudEdges:
-        """Of points (n, 3) from a place (3,); `cell`, `gap`, rad; `share` of the inverse distance; `shades` (n,)."""
+        """Of points (n, 3) from a place (3,); `cell`, `gap`, rad; `step_fraction` of the inverse distance; `shades`
+        (n,).
+        """
 
     def __len__(self) -> int: ...
 
@@ -183,8 +185,10 @@ class AlignmentFrame:
     def log_ratio(self, rotation: ArrayLike, translation: ArrayLike, spread: int) -> tuple[float, int]:
         """Sum of log likelihood ratios at a pose, by the number of a spread, and how many edges the photo shows."""
 
-    def seen(self, rotation: ArrayLike, translation: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Pixels (n, 2) at which edges are seen at a pose, and the directions (n,) across them."""
+    def project_edges(
+        self, rotation: ArrayLike, translation: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Pixels (n, 2) at which edges project at a pose, and the directions (n,) across them."""
 
 @final
 class Density:
@@ -192,7 +196,7 @@ class Density:
 
     @staticmethod
     def of_prior(prior: Prior) -> Density:
-        """That of a prior which says where the camera stands; ValueError for others."""
+        """That of a prior with a position of the camera; ValueError for others."""
 
     @staticmethod
     def student(rotation: ArrayLike, translation: ArrayLike, covariance: ArrayLike) -> Density:
@@ -252,19 +256,19 @@ class WorldRegion:
     def from_mesh(vertices: ArrayLike, triangles: ArrayLike) -> WorldRegion:
         """The region covered by an open surface of triangles (k, 3) between vertices (v, 3)."""
 
-    def seen_from(self, viewpoint: ArrayLike) -> WorldRegion:
+    def with_viewpoint(self, viewpoint: ArrayLike) -> WorldRegion:
         """The same region of which a viewpoint (3,) lies on the side that the camera sees."""
 
     def with_samples(
         self, inside: ArrayLike, outside: ArrayLike, enclosed: ArrayLike, *, is_line: bool = False
     ) -> WorldRegion:
         """The same region with places (n, 3) inside, (m, 3) outside, and (k, 3) outside that it encloses; `is_line`
-        where they lie on one line, which is all that is known of it then.
+        where they lie on one line, so that its extent across is unknown.
         """
 
     @property
     def is_line(self) -> bool:
-        """Whether one line is all that is known of it."""
+        """Whether its samples lie on one line."""
 
     @property
     def samples(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
@@ -357,7 +361,7 @@ class Solution:
 
     @property
     def converged(self) -> bool:
-        """Whether the least squares ended at a minimum; true where the pose was led onto the contours."""
+        """Whether the least squares ended at a minimum; true where the pose was refined on the contours."""
 
     @property
     def termination(self) -> str:
@@ -386,12 +390,12 @@ class Solution:
         """Probability that the true pose is within 5 degrees."""
 
     @property
-    def share(self) -> float:
-        """Probability that it is the place, each answer being one of its own."""
+    def mode_probability(self) -> float:
+        """Posterior probability of this mode; nearby modes count separately."""
 
 @final
 class Estimate:
-    """The pose of a camera, and what is known of it."""
+    """The pose of a camera, its fit, confidence and warnings."""
 
     @property
     def best(self) -> Solution:
@@ -402,12 +406,12 @@ class Estimate:
         """Standard deviation of the contour that the fit shows, pixels."""
 
     @property
-    def disturbed_share(self) -> float | None:
-        """Share of the contour that is disturbed, a fraction; None where the pose is that of the moments."""
+    def outlier_fraction(self) -> float | None:
+        """Fraction of the contour that is an outlier; None where the pose is that of the moments."""
 
     @property
     def probability(self) -> float:
-        """Probability that one of the answers is within 5 degrees of the true pose (P of docs/math.md, eq. 15.1)."""
+        """Probability that one of the solutions is within 5 degrees of the true pose (P of docs/math.md, eq. 15.1)."""
 
     @property
     def evidence(self) -> NDArray[np.float64]:
@@ -418,7 +422,7 @@ class Estimate:
         """The other poses that fit as well and that the prior leaves, best first."""
 
     @property
-    def creases(self) -> list[tuple[list[int], NDArray[np.float64]]]:
+    def shared_edges(self) -> list[tuple[list[int], NDArray[np.float64]]]:
         """(regions, ends (2, 3)) of each edge that two regions share."""
 
     @property
@@ -439,7 +443,7 @@ class Estimate:
 
 @final
 class Prior:
-    """What is known of a pose beforehand; `initial` as rotation (3, 3) and translation (3,)."""
+    """A prior on a pose; `initial` as rotation (3, 3) and translation (3,)."""
 
     def __new__(
         cls,
@@ -457,16 +461,18 @@ class Prior:
         """Deviation of the camera's place, meters, the conventional one where none was given; None without a place."""
 
     def penalty(self, rotation: ArrayLike, translation: ArrayLike, covariance: ArrayLike) -> float:
-        """What counts against a pose with this covariance (6, 6) of its left increment, in variances."""
+        """Sum of the squared deviations from the terms of the prior, in standard deviations and each capped, of a pose
+        with this covariance (6, 6) of its left increment.
+        """
 
     def gaussian(self, rotation: ArrayLike, translation: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """All that it says of the left increment x from a pose, `exp(vector . x - x . information x / 2)`: information
-        (6, 6) and vector (6,).
+        """The prior as a Gaussian in information form of the left increment x from a pose, `exp(vector . x - x .
+        information x / 2)`: information (6, 6) and vector (6,).
         """
 
 @final
 class Problem:
-    """Regions seen in one image and known in the world, ready to be solved."""
+    """Pairs of image and world regions, ready to be solved."""
 
     def __new__(
         cls,
@@ -486,7 +492,7 @@ class Problem:
         frame_sigma: tuple[float, float, float, float] | None = None,
         limits: tuple[float, float] | None = None,
     ) -> Search:
-        """The poses that may be the answer, and the equations to polish them by."""
+        """The poses that may be the solution, and the equations to polish them by."""
 
     def evaluate(
         self, rotation: ArrayLike, translation: ArrayLike
@@ -495,7 +501,7 @@ class Problem:
 
     @property
     def work(self) -> int:
-        """What one look at all of the problem counts as in `work_done`."""
+        """Cost of one evaluation of all of the problem, in units of `work_counter`."""
 
     def overlap_errors(self, rotation: ArrayLike, translation: ArrayLike) -> tuple[float, NDArray[np.float64]]:
         """Overlap error of all regions together at a pose, and of each (k,)."""
@@ -509,7 +515,7 @@ class Problem:
         limits: tuple[float, float] | None = None,
     ) -> _WarningParts | None:
         """The warning, as of `Estimate.warnings`, of a pose of this covariance (6, 6) where that exceeds `limits`,
-        degrees and a share of the distance; else None.
+        degrees and a fraction of the distance; else None.
         """
 
     def estimate(
@@ -530,18 +536,18 @@ class Search:
     @property
     def candidates(self) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
         """Poses (rotation (3, 3), translation (3,)) near which to solve the moments' equations, best first; none where
-        the contours have decided.
+        the contours determine the pose.
         """
 
     def evaluate(
         self, rotation: ArrayLike, translation: ArrayLike, increment: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """Residuals (m,) at a pose moved by a left increment (6,), in pixels of boundary noise, and their derivatives
-        (m, 6) by that increment; None out of view.
+        """Residuals (m,) at a pose with a left increment (6,) applied, in pixels of boundary noise, and their
+        derivatives (m, 6) by that increment; None out of view.
         """
 
     def distance(self, rotation: ArrayLike, translation: ArrayLike) -> float:
         """Distance from the camera to the middle of the regions."""
 
-    def judged(self, minima: Sequence[Minimum]) -> Estimate | None:
-        """The verdict, with the minima that a driver found from the candidates; None without a pose in view."""
+    def assess(self, minima: Sequence[Minimum]) -> Estimate | None:
+        """The estimate, with the minima that a driver found from the candidates; None without a pose in view."""

@@ -41,7 +41,7 @@ def part(progress: Progress | None, start: float, end: float) -> Progress | None
     """The progress callback of a part of the work that goes from the fraction `start` to `end` of the whole."""
     if progress is None:
         return None
-    return lambda share: progress((1.0 - share) * start + share * end)
+    return lambda fraction: progress((1.0 - fraction) * start + fraction * end)
 
 
 def with_progress(items: Sequence[Item], progress: Progress | None) -> Iterator[tuple[Item, Progress | None]]:

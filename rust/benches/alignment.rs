@@ -32,7 +32,7 @@ fn edges() -> CloudEdges {
         Vector3::new(side * around.cos(), side * around.sin(), height) * (5.0 + 45.0 * depth)
     };
     let points: Vec<_> = (0..12_000).map(point).collect();
-    CloudEdges::new(&points, None, &Vector3::zeros(), &EdgeOptions { cell: 1e-3, gap: 0.1, share: 0.1 })
+    CloudEdges::new(&points, None, &Vector3::zeros(), &EdgeOptions { cell: 1e-3, gap: 0.1, step_fraction: 0.1 })
 }
 
 /// A photo of noise, averaged over half the spread of the edges.
@@ -109,28 +109,28 @@ fn sums(criterion: &mut Criterion) {
             criterion.bench_function(&name("log_ratio"), |b| by_edge(b, looked_at, at_all));
             let from_all = || {
                 for pose in &poses {
-                    black_box(frame.seen_from(pose, spread));
+                    black_box(frame.visible_edges(pose, spread));
                 }
             };
-            criterion.bench_function(&name("seen_from"), |b| by_edge(b, looked_at, from_all));
-            let seen = frame.seen_from(&poses[0], spread);
-            let held = seen.pixels(&poses[0]).0.len() as u64;
+            criterion.bench_function(&name("visible_edges"), |b| by_edge(b, looked_at, from_all));
+            let visible = frame.visible_edges(&poses[0], spread);
+            let held = visible.pixels(&poses[0]).0.len() as u64;
             let moved: Vec<_> = (0..POSES)
                 .map(|number| {
                     let [a, b, c] = even(number).map(|part| 0.02 * (part - 0.5));
                     poses[0].retract(&Vector6::new(a, b, c, b, c, a))
                 })
                 .collect();
-            criterion.bench_function(&name("seen log_ratio"), |b| {
+            criterion.bench_function(&name("visible log_ratio"), |b| {
                 by_edge(b, held * POSES as u64, || {
                     for pose in &moved {
-                        black_box(seen.log_ratio(pose, 0.1));
+                        black_box(visible.log_ratio(pose, 0.1));
                     }
                 });
             });
             criterion.bench_function(&name("square_moves"), |b| {
                 by_edge(b, held, || {
-                    black_box(seen.square_moves(&poses[0]));
+                    black_box(visible.square_moves(&poses[0]));
                 });
             });
         }

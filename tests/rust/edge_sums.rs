@@ -58,7 +58,7 @@ fn picture() -> Vec<f32> {
 fn edges(count: usize) -> CloudEdges {
     let mut random = Random::new(19);
     let points: Vec<_> = (0..count).map(|_| random.direction() * random.uniform(5.0, 50.0)).collect();
-    CloudEdges::new(&points, None, &Vector3::zeros(), &EdgeOptions { cell: 1e-3, gap: 0.2, share: 0.1 })
+    CloudEdges::new(&points, None, &Vector3::zeros(), &EdgeOptions { cell: 1e-3, gap: 0.2, step_fraction: 0.1 })
 }
 
 fn frame(edges: &CloudEdges, half_field: f64, project: impl Fn(&Vector3<f64>) -> Vector2<f64>) -> Frame {
@@ -181,7 +181,7 @@ fn edges_that_are_seen_from_a_pose_have_the_same_sum_there() {
         for spread in 0..SPREADS {
             let pose = pose(&mut random);
             let (sum, count) = frame.log_ratio(&pose, spread);
-            let (same, _) = frame.seen_from(&pose, spread).log_ratio(&pose, 0.25);
+            let (same, _) = frame.visible_edges(&pose, spread).log_ratio(&pose, 0.25);
             // The order alone differs: values are 1 at most, and of the sum of 32 five roundings are.
             assert!((same - (sum - 0.25 * count as f64)).abs() <= 5.0 * count as f64 * f64::from(f32::EPSILON));
         }
@@ -197,9 +197,9 @@ fn slopes_are_those_of_the_sums() {
     for frame in [pinhole_frame(&edges), fisheye_frame(&edges)] {
         for _ in 0..20 {
             let pose = pose(&mut random);
-            let seen = frame.seen_from(&pose, SPREADS - 1);
-            let (squares, count) = seen.square_moves(&pose);
-            let (_, slope) = seen.log_ratio(&pose, 0.0);
+            let visible = frame.visible_edges(&pose, SPREADS - 1);
+            let (squares, count) = visible.square_moves(&pose);
+            let (_, slope) = visible.log_ratio(&pose, 0.0);
             for way in 0..6 {
                 let moves = squares[(way, way)].sqrt();
                 // Half a pixel for edges of the usual distance.
@@ -207,7 +207,7 @@ fn slopes_are_those_of_the_sums() {
                 let at = |sign: f64| {
                     let mut increment = Vector6::zeros();
                     increment[way] = sign * step;
-                    seen.log_ratio(&pose.retract(&increment), 0.0).0
+                    visible.log_ratio(&pose.retract(&increment), 0.0).0
                 };
                 let wanted = (at(1.0) - at(-1.0)) / (2.0 * step);
                 let bound = 4.0 * (count as f64).sqrt() * moves * (CURVATURE * (1.0 + 0.5) + 0.05 * SLOPE);
@@ -245,7 +245,7 @@ fn mean_squares_of_moves_are_those_taken_edge_by_edge() {
             count += 1.0;
         }
         let wanted = squares / count.max(1.0);
-        let (found, shown) = frame.seen_from(&pose, spread).square_moves(&pose);
+        let (found, shown) = frame.visible_edges(&pose, spread).square_moves(&pose);
         assert!((shown as f64 - count).abs() <= 1.0);
         let root = Matrix6::from_diagonal(&wanted.diagonal().map(|value| value.sqrt().recip()));
         let error = (root * (found - wanted) * root).amax();

@@ -4,7 +4,7 @@ use crate::support::random::Random;
 use nalgebra::{Vector2, Vector3};
 use proptest::prelude::*;
 use regionpose::internals::alignment::blur::blurred;
-use regionpose::internals::alignment::edges::{Seen, Step};
+use regionpose::internals::alignment::edges::{Step, VisiblePoints};
 
 /// Between neighbors of the grid, about, rad.
 const SPACING: f64 = 0.02;
@@ -16,11 +16,11 @@ const SHARE: f64 = 0.1;
 const HALF: f64 = 0.21;
 
 fn depth_steps(points: &[Vector3<f64>]) -> Vec<Step> {
-    Seen::new(points, CELL, GAP).depth_steps(SHARE)
+    VisiblePoints::new(points, CELL, GAP).depth_steps(SHARE)
 }
 
 fn shade_steps(points: &[Vector3<f64>], shades: &[f64]) -> Vec<Step> {
-    Seen::new(points, CELL, GAP).shade_steps(shades, SHARE)
+    VisiblePoints::new(points, CELL, GAP).shade_steps(shades, SHARE)
 }
 
 /// Directions to a grid 1 rad wide about the z axis.

@@ -105,7 +105,7 @@ def _by_increment(camera: Camera, pose: Pose, contours: Contours) -> Array:
     unit = np.array([1.0, 1.0, 1.0, distance, distance, distance])
 
     def view(at: Array) -> tuple[Camera, Pose]:
-        moved = _core.moved_pose(pose.rotation.as_matrix(), pose.translation, at * unit)
+        moved = _core.retract_pose(pose.rotation.as_matrix(), pose.translation, at * unit)
         return camera, Pose.from_parts(*moved)
 
     derivatives: Array = outline_derivatives(view, np.zeros(6), contours) / unit

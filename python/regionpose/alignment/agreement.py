@@ -50,14 +50,14 @@ def check_alignment(camera: Camera, frame: Frame, pose: Pose) -> Alignment:
         For a frame without `image` or `points`, for arrays of another shape, for an image of another size than the
         camera's, and for world regions of another number than image regions.
     """
-    seen = PhotoCloud.of(camera, frame)
-    return aligned(seen, EdgeFrame(seen, pose.camera_center), pose)
+    photo_cloud = PhotoCloud.of(camera, frame)
+    return aligned(photo_cloud, EdgeFrame(photo_cloud, pose.camera_center), pose)
 
 
 def aligned(frame: PhotoCloud, edges: EdgeFrame, pose: Pose) -> Alignment:
     """How well a frame's photo and cloud agree at a pose, by their `edges`."""
     hidden = occlusions(frame, pose)
-    places, agrees = _seen(frame.photo, edges, pose)
+    places, agrees = _projected_edges(frame.photo, edges, pose)
     near = Prior(initial=pose, initial_rotation_sigma_deg=TOLERANCE_DEG, initial_center_sigma_m=TOLERANCE_M)
     modes = search_about([edges], pose, Density.of_prior(near, edges.origin)) if len(places) else []
     odds = log_mass(modes) if modes else 0.0
@@ -66,13 +66,13 @@ def aligned(frame: PhotoCloud, edges: EdgeFrame, pose: Pose) -> Alignment:
     return Alignment(frame.photo.pixels(places), agrees, odds, whole, nearest, hidden)
 
 
-def _seen(photo: Photo, edges: EdgeFrame, pose: Pose) -> tuple[Array, NDArray[np.bool_]]:
-    """Pixels (n, 2) of the reduced photo where edges are seen at a pose, beside regions, and whether it shows an edge
-    there.
+def _projected_edges(photo: Photo, edges: EdgeFrame, pose: Pose) -> tuple[Array, NDArray[np.bool_]]:
+    """Pixels (n, 2) of the reduced photo at which edges project at a pose, outside regions, and whether it shows an
+    edge there.
     """
     local = pose.rebase(edges.origin)
-    frame = edges.seen_from(local.camera_center, with_regions=False)
-    places, directions = frame.seen(local.rotation.as_matrix(), local.translation)
+    frame = edges.visible_from(local.camera_center, with_regions=False)
+    places, directions = frame.project_edges(local.rotation.as_matrix(), local.translation)
     columns, rows = np.round(places).astype(np.int64).T
     height, width = photo.luminance.shape
     shown = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)

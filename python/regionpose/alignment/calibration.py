@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionpose.alignment.agreement import aligned
+from regionpose.alignment.assessment import Assessment, hidden_regions
 from regionpose.alignment.edge_frame import EdgeFrame
 from regionpose.alignment.explanations import explained_by_edges, explained_with_regions, without_calibration
 from regionpose.alignment.focal import ByFocal, focal_evidence
-from regionpose.alignment.hypotheses import answers_of, is_same, places_of
-from regionpose.alignment.judgment import Judgment, hidden_regions
+from regionpose.alignment.hypotheses import is_same, places_of, solutions_of
 from regionpose.alignment.photo_cloud import PhotoCloud
 from regionpose.alignment.region_evidence import RegionEvidence
 from regionpose.alignment.visibility import occlusions
@@ -32,7 +32,7 @@ from regionpose.validation.arrays import finite_array
 Array = NDArray[np.float64]
 
 SEARCHED, FOCAL_TRIED = 0.75, 0.95
-"""Shares of the progress at which maxima are found, and other focal lengths tried: about those of the time that a
+"""Fractions of the progress at which maxima are found, and other focal lengths tried: about those of the time that a
 street frame takes."""
 
 
@@ -49,9 +49,9 @@ def calibrate(
     """The pose of a camera in the frame of a scanner, from photos and clouds, and regions where frames have some.
 
     The edges of the clouds, of depth and intensity, are laid on those of the photos at tens of thousands of poses that
-    the prior allows; the likeliest are maximized, and how far the best leads chance and the others gives the
+    the prior allows; the likeliest are maximized, and the odds of the best over chance and over the others give the
     confidence (docs/math.md, section 18). Frames of one rig share the pose, and their evidence adds up. Pairs of
-    regions give answers of their own, as of `estimate_pose` or `estimate_rig`, about which the edges beside them are
+    regions give solutions of their own, as of `estimate_pose` or `estimate_rig`, about which the edges beside them are
     laid, too; all these are explanations of one posterior.
 
     Parameters
@@ -63,20 +63,20 @@ def calibrate(
     prior : Prior, optional
         Where the camera stands (`camera_near`), which direction is up, a rough pose. Without regions and a place the
         camera is taken to be near the scanner, within 0.5 m along each axis; without `up` or `initial` with its
-        deviations every rotation is searched. With regions and without a place edges are looked at near their answers
-        alone.
+        deviations every rotation is searched. With regions and without a place edges are compared near the regions'
+        hypotheses alone.
     sensor_origin : (3,) array, optional
         Where the scanner stands in the clouds' frame, meters; by default where the prior has the camera, else (0, 0,
         0).
     solver : Solver, optional
         How regions are solved, its limits, and what a frame and the focal lengths are off by.
     progress : callable, optional
-        Called with the share of the work that is done, 0 to 1.
+        Called with the fraction of the work that is done, 0 to 1.
 
     Returns
     -------
     PoseEstimate
-        The pose with its covariance, confidence and warnings. `diagnostics.edges` holds what edges say, what was
+        The pose with its covariance, confidence and warnings. `diagnostics.edges` holds the evidence of edges, what was
         searched and what was assumed for that, and the estimate of the regions without edges;
         `diagnostics.alternatives` other places, likeliest first. Without regions it has no overlap errors (NaN).
 
@@ -89,9 +89,9 @@ def calibrate(
         every region.
     """
     options = checked_solver(solver)
-    seen = [PhotoCloud.of(camera, frame) for frame in named_frames(frames, "photo and cloud")]
-    regions = RegionEvidence.of(seen, prior or Prior(), options)
-    return calibrate_with(seen, regions, prior, sensor_origin, options, progress)
+    photo_clouds = [PhotoCloud.of(camera, frame) for frame in named_frames(frames, "photo and cloud")]
+    regions = RegionEvidence.of(photo_clouds, prior or Prior(), options)
+    return calibrate_with(photo_clouds, regions, prior, sensor_origin, options, progress)
 
 
 def calibrate_with(
@@ -102,32 +102,32 @@ def calibrate_with(
     solver: Solver,
     progress: Progress | None = None,
 ) -> PoseEstimate:
-    """As `calibrate`, of frames whose `regions` were looked at before."""
+    """As `calibrate`, of frames whose regions were solved before."""
     by_regions = None if regions is None else regions.estimate
     known, assumed, origin = _assumed(prior, sensor_origin, by_regions)
-    edges, report = [EdgeFrame(frame, origin) for frame in frames], progress or (lambda share: None)
+    edges, report = [EdgeFrame(frame, origin) for frame in frames], progress or (lambda fraction: None)
     search = part(progress, 0.0, SEARCHED)
     if by_regions is None:
         explained = explained_by_edges(edges, known, search)
     else:
-        hidden = [_hides(frames, answer.pose) for answer in answers_of(by_regions)]
+        hidden = [_hides(frames, solution.pose) for solution in solutions_of(by_regions)]
         explained = explained_with_regions(edges, known, by_regions, hidden, solver, search)
     if not explained.hypotheses:
         raise PoseError(_nothing_shown(edges))
     places = places_of(explained.hypotheses)
     best = places[0].best
-    if regions is not None and places[0].answer:
+    if regions is not None and places[0].solution:
         regions = regions.first_at(best.pose)
     by_focal = ByFocal.of(
         edges, best, known, None if regions is None else without_calibration(regions.estimate, solver)
     )
     focal = None if by_focal is None else focal_evidence(by_focal, best, part(progress, SEARCHED, FOCAL_TRIED))
     report(FOCAL_TRIED)
-    judgment = Judgment(edges, places, explained.none, focal, solver)
+    assessment = Assessment(edges, places, explained.none, focal, solver)
     if regions is None or by_regions is None:
-        estimate = judgment.by_edges()
+        estimate = assessment.by_edges()
     else:
-        estimate = judgment.with_regions(regions, by_regions)
+        estimate = assessment.with_regions(regions, by_regions)
     alignments = tuple(aligned(frame, one, estimate.pose) for frame, one in zip(frames, edges, strict=True))
     hidden_ones = () if regions is None else hidden_regions(alignments, regions.starts)
     report(1.0)
@@ -148,13 +148,13 @@ def calibrate_with(
 
 def _regions_only(estimate: PoseEstimate, pose: Pose) -> RegionsOnly:
     """The estimate by regions alone, compared with the pose by regions and edges."""
-    answers = enumerate(answers_of(estimate))
-    rank, answer = next(((k + 1, each.pose) for k, each in answers if is_same(each.pose, pose)), (None, None))
-    if answer is None:
+    solutions = enumerate(solutions_of(estimate))
+    rank, solution = next(((k + 1, each.pose) for k, each in solutions if is_same(each.pose, pose)), (None, None))
+    if solution is None:
         return RegionsOnly(estimate, None, None, np.nan, np.nan)
-    rotation_deg = float(np.degrees((pose.rotation * answer.rotation.inv()).magnitude()))
-    shift_m = float(np.linalg.norm(pose.camera_center - answer.camera_center))
-    return RegionsOnly(estimate, rank, answer, rotation_deg, shift_m)
+    rotation_deg = float(np.degrees((pose.rotation * solution.rotation.inv()).magnitude()))
+    shift_m = float(np.linalg.norm(pose.camera_center - solution.camera_center))
+    return RegionsOnly(estimate, rank, solution, rotation_deg, shift_m)
 
 
 def _hides(frames: Sequence[PhotoCloud], pose: Pose) -> bool:

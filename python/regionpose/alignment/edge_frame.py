@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.alignment.photo_cloud import PhotoCloud
 from regionpose.alignment.views import (
-    EDGE_SHARE,
+    EDGE_FRACTION,
     cell_and_gap,
     half_field,
     pixel_angle,
@@ -24,7 +24,7 @@ from regionpose.progress import check_wanted
 Array = NDArray[np.float64]
 
 MOST_POINTS = 20_000
-"""Points whose distances are looked at: a median needs no more."""
+"""Most points of which a median distance is taken."""
 
 REDUCTIONS = (8, 4, 2, 1)
 """Pixels over which pictures are averaged, by spread: half a spread, between which they are interpolated."""
@@ -45,12 +45,12 @@ class EdgeFrame:
 
     @cached_property
     def core(self) -> _core.AlignmentFrame:
-        """The whole photo with the edges that are seen from the origin."""
+        """The whole photo with the edges that are visible from the origin."""
         return self._made(None)
 
-    def seen_from(self, center: Array, *, with_regions: bool = True) -> _core.AlignmentFrame:
-        """The photo with the edges that are seen from a center (3,), about the origin; what regions show can be left
-        out of it: that is evidence of theirs.
+    def visible_from(self, center: Array, *, with_regions: bool = True) -> _core.AlignmentFrame:
+        """The photo with the edges that are visible from a center (3,), about the origin; pixels of regions can be left
+        out: they are the regions' evidence.
         """
         check_wanted()
         frame = self.core if with_regions else self._core_beside_regions
@@ -103,7 +103,7 @@ class EdgeFrame:
         return self.core if self.covered is None else self._made(self.covered)
 
     def _made(self, covered: NDArray[np.bool_] | None) -> _core.AlignmentFrame:
-        """The frame with the edges that are seen from the origin, its photo showing nothing where it is covered."""
+        """The frame with the edges that are visible from the origin, its photo showing nothing where it is covered."""
         check_wanted()
         photo = self._frame.photo
         pictures = [photo.log_ratios(spread) for spread in _core.edge_spreads()]
@@ -126,4 +126,4 @@ class EdgeFrame:
     def _edges(self, center: Array) -> _core.CloudEdges:
         """The edges all around a center (3,), about the origin."""
         cell, gap = cell_and_gap(self.camera, self._frame.photo, len(self._points), 4.0 * np.pi)
-        return _core.CloudEdges(self._points, center, cell, gap, EDGE_SHARE, self._frame.intensity)
+        return _core.CloudEdges(self._points, center, cell, gap, EDGE_FRACTION, self._frame.intensity)

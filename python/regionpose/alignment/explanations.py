@@ -1,4 +1,4 @@
-"""What explains photos and clouds: answers of regions, edges about these, and edges alone (docs/math.md, section
+"""What explains photos and clouds: solutions of regions, edges about these, and edges alone (docs/math.md, section
 18).
 """
 
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.special import expit
 
 from regionpose.alignment.edge_frame import EdgeFrame
-from regionpose.alignment.hypotheses import Hypothesis, Place, answers_of, log_sum, priors_of
-from regionpose.alignment.odds import CHANCE_PRIOR, SILENT_PRIOR
+from regionpose.alignment.hypotheses import Hypothesis, Place, log_sum, priors_of, solutions_of
+from regionpose.alignment.odds import CHANCE_PRIOR, UNINFORMATIVE_PRIOR
 from regionpose.alignment.pose_search import Density, search_about, search_prior
 from regionpose.progress import Progress, part, with_progress
 from regionpose.solve.edge_diagnostics import EdgeMode
@@ -22,13 +22,14 @@ from regionpose.solve.options import Solver
 from regionpose.solve.prior import Prior
 
 LEAST_PRIOR = 1e-4
-"""Least probability of an answer of regions about which edges are looked at: a hundredth of what all of them leave."""
+"""Least probability of a solution of regions about which edges are compared: a hundredth of what all of them leave."""
 
-ANSWERS_SEARCHED = 0.4
-"""Share of the time after which edges about the answers are looked at, for who waits: of one answer and the prior."""
+SOLUTIONS_SEARCHED = 0.4
+"""Fraction of the time after which edges about the solutions are compared, for the progress: of one solution and the
+prior."""
 
 NEGLIGIBLE = 1e-3
-"""Probability that all answers of regions are wrong, once edges about them were looked at, below which the whole prior
+"""Probability that all solutions of regions are wrong, once edges about them were compared, below which the whole prior
 is not searched, which takes most of the time: a thirtieth of what a trusted pose may lack."""
 
 
@@ -42,13 +43,17 @@ class Explanations:
 
     def log_odds(self, place: Place) -> float:
         """Logarithm of the odds that edges agree at a place rather than by chance; 0 where none are in view."""
-        silent = [each for each in place.hypotheses if each.mode is None]
+        uninformative = [each for each in place.hypotheses if each.mode is None]
         agreeing = [each for each in place.hypotheses if each.mode is not None]
         if not agreeing:
             return 0.0
-        if not silent:
+        if not uninformative:
             return log_sum(agreeing) - float(np.log(max(self.none, 1e-300)))
-        return log_sum(agreeing) - log_sum(silent) - float(np.log((1.0 - SILENT_PRIOR) / SILENT_PRIOR))
+        return (
+            log_sum(agreeing)
+            - log_sum(uninformative)
+            - float(np.log((1.0 - UNINFORMATIVE_PRIOR) / UNINFORMATIVE_PRIOR))
+        )
 
 
 def explained_by_edges(frames: Sequence[EdgeFrame], prior: Prior, progress: Progress | None = None) -> Explanations:
@@ -67,31 +72,33 @@ def explained_with_regions(
     solver: Solver,
     progress: Progress | None = None,
 ) -> Explanations:
-    """The answers of regions by themselves, with edges about each, and edges alone where a prior says where to look;
-    `hidden`: which answers hide a region.
+    """The solutions of regions by themselves, with edges about each, and edges alone where a prior gives the camera's
+    position; `hidden`: which solutions hide a region.
     """
-    shares, known, modes = priors_of(regions, hidden), without_calibration(regions, solver), []
-    none = max(1.0 - float(shares.sum()), 0.0)
+    probabilities, known, modes = priors_of(regions, hidden), without_calibration(regions, solver), []
+    none = max(1.0 - float(probabilities.sum()), 0.0)
     hypotheses = []
-    pairs = list(zip(answers_of(known), shares.tolist(), strict=True))
-    for number, ((answer, share), own) in enumerate(with_progress(pairs, part(progress, 0.0, ANSWERS_SEARCHED))):
-        if share <= 0.0:
+    pairs = list(zip(solutions_of(known), probabilities.tolist(), strict=True))
+    for number, ((solution, probability), own) in enumerate(
+        with_progress(pairs, part(progress, 0.0, SOLUTIONS_SEARCHED))
+    ):
+        if probability <= 0.0:
             continue
         found = []
-        if share >= LEAST_PRIOR and is_covariance(answer.covariance):
-            density = Density.student(answer.pose, answer.covariance, frames[0].origin)
-            found = search_about(frames, answer.pose, density, progress=own)
-        # Without an edge in view it is all the same whether edges say something.
-        silent = share * SILENT_PRIOR if found else share
-        whole = answers_of(regions)[number].covariance
-        hypotheses.append(Hypothesis(answer.pose, whole, float(np.log(silent)), number))
-        hypotheses += [_of_mode(mode, share * (1.0 - SILENT_PRIOR), number) for mode in found]
+        if probability >= LEAST_PRIOR and is_covariance(solution.covariance):
+            density = Density.student(solution.pose, solution.covariance, frames[0].origin)
+            found = search_about(frames, solution.pose, density, progress=own)
+        # Without an edge in view whether edges are informative makes no difference.
+        uninformative = probability * UNINFORMATIVE_PRIOR if found else probability
+        whole = solutions_of(regions)[number].covariance
+        hypotheses.append(Hypothesis(solution.pose, whole, float(np.log(uninformative)), number))
+        hypotheses += [_of_mode(mode, probability * (1.0 - UNINFORMATIVE_PRIOR), number) for mode in found]
         modes += found
     # Under chance the mass of all maxima of a prior is 1 on the mean.
     left = float(expit(np.log(max(none, 1e-300)) - log_sum(hypotheses)))
-    if _says_where(prior) and left > NEGLIGIBLE:
-        starts = [answer.pose for answer in answers_of(regions)]
-        found = search_prior(frames, prior, starts, progress=part(progress, ANSWERS_SEARCHED, 1.0))
+    if _has_position(prior) and left > NEGLIGIBLE:
+        starts = [solution.pose for solution in solutions_of(regions)]
+        found = search_prior(frames, prior, starts, progress=part(progress, SOLUTIONS_SEARCHED, 1.0))
         hypotheses += [_of_mode(mode, none * (1.0 - CHANCE_PRIOR)) for mode in found]
         modes += found
         none *= CHANCE_PRIOR if found else 1.0
@@ -109,11 +116,11 @@ def without_calibration(estimate: PoseEstimate, solver: Solver) -> PoseEstimate:
     return replace(estimate, covariance=estimate.covariance - calibration)
 
 
-def _of_mode(mode: EdgeMode, prior: float, answer: int | None = None) -> Hypothesis:
-    return Hypothesis(mode.pose, mode.covariance, float(np.log(prior)) + mode.log_mass, answer, mode)
+def _of_mode(mode: EdgeMode, prior: float, solution: int | None = None) -> Hypothesis:
+    return Hypothesis(mode.pose, mode.covariance, float(np.log(prior)) + mode.log_mass, solution, mode)
 
 
-def _says_where(prior: Prior) -> bool:
+def _has_position(prior: Prior) -> bool:
     return prior.camera_near is not None or prior.initial_center_sigma_m is not None
 
 

@@ -30,25 +30,25 @@ FOCAL_STEP = 0.01
 """Change of the logarithm of the focal lengths over which the pose's derivative is taken: a percent."""
 
 STEPS = (0.03, 0.015, 0.0075)
-"""Steps of the logarithm by which others are looked at: the first two by the edges of the spread of 4 pixels, within
+"""Steps of the logarithm by which others are tried: the first two by the edges of the spread of 4 pixels, within
 which half a step moves most of what a photo of 1,000 pixels shows, the last by the finest ones. By 8 pixels right focal
 lengths do not stand out."""
 
 GROUPS = ((-7, -6, -5, -4), (-3, -2, -1), (1, 2, 3), (4, 5, 6, 7))
-"""Which of the widest steps are looked at, a fifth up and down, as another setting of a zoom lens or a data sheet may
-be off; those of a group by the edges that are seen from the pose in its middle."""
+"""Which of the widest steps are tried, a fifth up and down, as another setting of a zoom lens or a data sheet may
+be off; those of a group by the edges that are visible from the pose in its middle."""
 
 NEARBY_M = 0.1
 """Distance within which a camera is taken to see the same edges: what they move by is less than focal lengths do."""
 
 CLOSER = 3
-"""How many of them, the likeliest, are looked at more closely."""
+"""How many of them, the likeliest, are refined."""
 
 
 @dataclass(frozen=True, eq=False)
 class ByFocal:
-    """The maxima near a pose by the focal lengths: in what a prior allows, or about the answer of regions, which moves
-    with them.
+    """The maxima near a pose by the focal lengths: in what a prior allows, or about the solution of regions, which
+    moves with them.
     """
 
     frames: Sequence[EdgeFrame]
@@ -58,35 +58,35 @@ class ByFocal:
     def of(
         cls, frames: Sequence[EdgeFrame], best: Hypothesis, prior: Prior, regions: PoseEstimate | None
     ) -> ByFocal | None:
-        """About the best hypothesis; `regions`: the estimate whose first answer it may be about. None of cameras that
+        """About the best hypothesis; `regions`: the estimate whose first solution it may be about. None of cameras that
         have no focal lengths, and of regions that leave a direction free.
         """
         if not all(isinstance(frame.camera, MatrixCamera) for frame in frames):
             return None
-        if best.answer is None or regions is None:
+        if best.solution is None or regions is None:
             return cls(frames, prior)
         return cls(frames, regions) if is_covariance(regions.covariance) else None
 
-    def seen_from(self, pose: Pose) -> list[_core.AlignmentFrame]:
-        """The frames with the edges that are seen at a pose, or from nearby."""
+    def visible_at(self, pose: Pose) -> list[_core.AlignmentFrame]:
+        """The frames with the edges that are visible at a pose, or from nearby."""
         center = pose.rebase(self.frames[0].origin).camera_center
-        for known, cores in self._seen:
+        for known, cores in self._visible:
             if np.linalg.norm(known - center) < NEARBY_M:
                 return cores
-        cores = [frame.seen_from(center, with_regions=isinstance(self.about, Prior)) for frame in self.frames]
-        self._seen.append((center, cores))
+        cores = [frame.visible_from(center, with_regions=isinstance(self.about, Prior)) for frame in self.frames]
+        self._visible.append((center, cores))
         return cores
 
     @cached_property
-    def _seen(self) -> list[tuple[Array, list[_core.AlignmentFrame]]]:
-        """From where edges were looked for, and what was seen."""
+    def _visible(self) -> list[tuple[Array, list[_core.AlignmentFrame]]]:
+        """Viewpoints of edges that were found, with their frames."""
         return []
 
     def maxima(
         self, cores: Sequence[_core.AlignmentFrame], log_focal: float, start: Pose, spread: int = 3
     ) -> list[EdgeMode]:
-        """Those that a start leads to with focal lengths of this logarithm over the given ones, by edges no finer than
-        a spread, by its number.
+        """Those that the descent from a start reaches with focal lengths of this logarithm over the given ones, by
+        edges no finer than a spread, by its number.
         """
         pairs = zip(self.frames, cores, strict=True)
         zoomed = [frame.zoomed(core.at_spread(spread), log_focal) for frame, core in pairs]
@@ -108,8 +108,8 @@ class ByFocal:
 
 
 def focal_evidence(by_focal: ByFocal, best: Hypothesis, progress: Progress | None = None) -> FocalEvidence:
-    """What the edges say of the focal lengths of the camera of all frames."""
-    cores = by_focal.seen_from(best.pose)
+    """The edges' evidence of the focal lengths of the camera of all frames."""
+    cores = by_focal.visible_at(best.pose)
     shift = _derivative(by_focal, cores, best)
     way, given = np.nan_to_num(shift), _gain(by_focal.maxima(cores, 0.0, best.pose))
 
@@ -117,7 +117,7 @@ def focal_evidence(by_focal: ByFocal, best: Hypothesis, progress: Progress | Non
     for numbers, _ in with_progress(GROUPS, part(progress, 0.0, 0.6)):
         # Longer focal lengths move the camera, which then sees other edges.
         middle = best.pose.retract(float(np.mean(numbers)) * STEPS[0] * way)
-        there = by_focal.seen_from(middle)
+        there = by_focal.visible_at(middle)
         for step in (number * STEPS[0] for number in numbers):
             found[step] = by_focal.maxima(there, step, best.pose.retract(step * way), 2)
     gains: dict[float, float] = {}
@@ -138,11 +138,11 @@ def _gain(modes: Sequence[EdgeMode]) -> float:
 
 def _closer(by_focal: ByFocal, log_focal: float, modes: Sequence[EdgeMode]) -> dict[float, float]:
     """Gains by the finest edges about a logarithm of the focal lengths, by coarse maxima there and the edges that are
-    seen from these.
+    visible from these.
     """
     if not modes:
         return {}
-    pose, cores = modes[0].pose, by_focal.seen_from(modes[0].pose)
+    pose, cores = modes[0].pose, by_focal.visible_at(modes[0].pose)
     middles = {
         log_focal + sign * STEPS[1]: by_focal.maxima(cores, log_focal + sign * STEPS[1], pose, 2) for sign in (-1, 0, 1)
     }

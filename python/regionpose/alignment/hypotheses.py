@@ -28,14 +28,14 @@ class Hypothesis:
     """An explanation of photos and clouds: a pose with its covariance (6, 6), and the logarithm of its probability but
     for a constant.
 
-    `answer`: the number of the regions' answer that it is about; None of edges alone. `mode`: the edges' maximum, whose
-    covariance is of their noise alone; None where these are taken to say nothing.
+    `solution`: the number of the regions' solution that it is about; None of edges alone. `mode`: the edges' maximum,
+    whose covariance is of their noise alone; None where these are taken to be uninformative.
     """
 
     pose: Pose
     covariance: Array
     log_weight: float
-    answer: int | None = None
+    solution: int | None = None
     mode: EdgeMode | None = None
 
 
@@ -62,17 +62,17 @@ class Place:
         finite = [each for each in self.hypotheses if np.isfinite(each.covariance).all()]
         if self.best not in finite:
             return self.best.covariance
-        shares = np.exp(np.array([each.log_weight for each in finite]) - log_sum(finite))
+        probabilities = np.exp(np.array([each.log_weight for each in finite]) - log_sum(finite))
         total = np.zeros((6, 6))
-        for share, each in zip(shares, finite, strict=True):
+        for probability, each in zip(probabilities, finite, strict=True):
             way = self.best.pose.local_coordinates(each.pose)
-            total += share * (each.covariance + np.outer(way, way) + (0.0 if each.mode is None else exposure))
+            total += probability * (each.covariance + np.outer(way, way) + (0.0 if each.mode is None else exposure))
         return total
 
     @property
-    def answer(self) -> int | None:
-        """The number of the regions' answer that is likeliest there; None where there is none."""
-        return next((each.answer for each in self.hypotheses if each.answer is not None), None)
+    def solution(self) -> int | None:
+        """The number of the regions' solution that is likeliest there; None where there is none."""
+        return next((each.solution for each in self.hypotheses if each.solution is not None), None)
 
 
 def log_sum(hypotheses: Sequence[Hypothesis]) -> float:
@@ -98,25 +98,25 @@ def is_same(pose: Pose, other: Pose) -> bool:
     return bool(turn <= SAME_DEG and np.linalg.norm(pose.camera_center - other.camera_center) <= SAME_M)
 
 
-def answers_of(estimate: PoseEstimate) -> list[PoseEstimate | Alternative]:
-    """The answers of an estimate of regions, the likeliest first."""
+def solutions_of(estimate: PoseEstimate) -> list[PoseEstimate | Alternative]:
+    """The solutions of an estimate of regions, the likeliest first."""
     return [estimate, *estimate.diagnostics.alternatives]
 
 
 def priors_of(estimate: PoseEstimate, hidden: Sequence[bool]) -> Array:
-    """Probabilities (n,) of the answers of an estimate before edges are looked at: that each is the right place, of
+    """Probabilities (n,) of the solutions of an estimate before edges are compared: that each is the right place, of
     which some hide a region; what they leave of 1 is that none is.
     """
     others = [other.mode_probability for other in estimate.diagnostics.alternatives]
-    shares = np.array([estimate.diagnostics.mode_probability, *others])
-    near = np.array([_nearness(answer.covariance) for answer in answers_of(estimate)])
-    shares = np.clip(shares / np.maximum(near, 1e-12), 0.0, 1.0)
-    shares /= max(float(shares.sum()), 1.0)
-    none = 1.0 - float(shares.sum())
-    weights = shares * np.exp(HIDDEN * np.array(hidden, dtype=np.float64))
+    probabilities = np.array([estimate.diagnostics.mode_probability, *others])
+    near = np.array([_rotation_confidence(solution.covariance) for solution in solutions_of(estimate)])
+    probabilities = np.clip(probabilities / np.maximum(near, 1e-12), 0.0, 1.0)
+    probabilities /= max(float(probabilities.sum()), 1.0)
+    none = 1.0 - float(probabilities.sum())
+    weights = probabilities * np.exp(HIDDEN * np.array(hidden, dtype=np.float64))
     total = float(weights.sum()) + none
-    shares = weights / total if total > 0.0 else weights
-    return np.asarray(shares * min(1.0, (1.0 - SHARED_ERROR_PRIOR) / max(float(shares.sum()), 1e-12)))
+    probabilities = weights / total if total > 0.0 else weights
+    return np.asarray(probabilities * min(1.0, (1.0 - SHARED_ERROR_PRIOR) / max(float(probabilities.sum()), 1e-12)))
 
 
 def confidences_of(places: Sequence[Place], none: float) -> Array:
@@ -126,5 +126,5 @@ def confidences_of(places: Sequence[Place], none: float) -> Array:
     return np.asarray(np.exp(weights - np.logaddexp(np.logaddexp.reduce(weights), rest)))
 
 
-def _nearness(covariance: Array) -> float:
-    return float(_core.nearness(covariance)) if np.isfinite(covariance).all() else 1.0
+def _rotation_confidence(covariance: Array) -> float:
+    return float(_core.rotation_confidence(covariance)) if np.isfinite(covariance).all() else 1.0

@@ -1,6 +1,4 @@
-"""What decides between explanations of photo and cloud, and what is known of them beforehand (docs/math.md, section
-18).
-"""
+"""Prior probabilities and decision thresholds of the hypotheses about photo and cloud (docs/math.md, section 18)."""
 
 from __future__ import annotations
 
@@ -19,8 +17,8 @@ HIDDEN = -DECISIVE
 13 % of 964 wrong ones (`python -m benchmarks.visibility`): the odds are these if something that the photo does not show
 stands before a region in one cloud of 70."""
 
-SILENT_PRIOR = 0.1
-"""Probability that edges are uninformative at a right answer of regions, whatever photo and cloud hold: of 21 true
+UNINFORMATIVE_PRIOR = 0.1
+"""Probability that edges are uninformative at a right solution of regions, whatever photo and cloud hold: of 21 true
 poses one has log odds below 0 (`python -m benchmarks.agreement`), by Laplace's rule of succession."""
 
 CHANCE_PRIOR = 0.5

@@ -16,11 +16,11 @@ Array = NDArray[np.float64]
 Pictures = NDArray[np.float32]
 
 DIRECTIONS = 4
-"""Directions across which edges are looked for, 45 degrees apart: convention."""
+"""Directions across which gradients are taken, 45 degrees apart: convention."""
 
 MOST_PIXELS = 1_000_000
-"""Pixels that are looked at; of a larger photo several are averaged. Photos of half as many find poses to a quarter of
-a degree."""
+"""Most pixels of the reduced photo; of a larger one several are averaged. Photos of half as many find poses to a
+quarter of a degree."""
 
 GRADIENT_PX = 1.0
 """Standard deviation of the Gaussian whose derivative is the gradient: convention."""
@@ -32,8 +32,8 @@ NOISE_LEVELS = 0.5
 """A gradient of so many of 256 levels a pixel is noise: rounding."""
 
 SHOWN, POWER = 0.5, 4.0
-"""The share of steps whose edge the photo shows, and the power of the density of its rank, 4 u^3: conventions,
-between a rank that tells nothing and one that tells all."""
+"""The fraction of steps whose edge the photo shows, and the power of the density of its rank, 4 u^3: conventions,
+between an uninformative rank and one that is the edge itself."""
 
 LEAST_WINDOW_PX, WINDOW_SPREADS = 41, 5
 """Least width of the window within which densities are made comparable, a few times as wide as an edge is spread by the
@@ -74,7 +74,7 @@ class Photo:
 
     @cached_property
     def ranks(self) -> Pictures:
-        """For each of `DIRECTIONS` the share (k, h, w) of the photo that has no stronger derivative across it."""
+        """For each of `DIRECTIONS` the fraction (k, h, w) of the photo that has no stronger derivative across it."""
         return np.stack([_ranks(picture) for picture in self._derivatives])
 
     def log_ratios(self, spread_px: float) -> Pictures:
@@ -89,7 +89,7 @@ class Photo:
 
     @cached_property
     def _log_ratios(self) -> dict[float, Pictures]:
-        """Those that were asked for."""
+        """By spread, filled on demand."""
         return {}
 
     @cached_property
@@ -143,8 +143,8 @@ def _luminance(colors: NDArray[np.uint8]) -> Pictures:
 
 
 def _ranks(values: Pictures) -> Pictures:
-    """The share of the values that are no greater, by bins that grow with the values' square root."""
+    """The fraction of the values that are no greater, by bins that grow with the values' square root."""
     most = np.float32(values.max() or 1.0)
     bins = (np.sqrt(values / most) * np.float32(LEVELS - 1)).astype(np.int32)
-    shares = np.cumsum(np.bincount(bins.ravel(), minlength=LEVELS)) / values.size
-    return np.asarray(shares.astype(np.float32)[bins])
+    fractions = np.cumsum(np.bincount(bins.ravel(), minlength=LEVELS)) / values.size
+    return np.asarray(fractions.astype(np.float32)[bins])

@@ -32,12 +32,12 @@ LOCAL_DRAWS, LOCAL_KEPT = 2_000, (100, 25, 8)
 ones."""
 
 FRAMES_MADE, MAXIMA_FOUND, EDGES_MADE = 0.07, 0.82, 0.3
-"""Shares of a search's time at which its frames are made and its maxima found, and of the rest at which the edges are
-found anew. Measured: of one to five street frames on two cores."""
+"""Fractions of a search's time at which its frames are made and its maxima found, and of the rest at which the edges
+are updated. Measured: of one to five street frames on two cores."""
 
-ANEW_M = 0.02
-"""How far the likeliest camera center may lie from where edges are seen from: what moves edges of things 10 m away by a
-tenth of a degree against those behind them."""
+EDGE_UPDATE_M = 0.02
+"""Largest distance of the likeliest camera center from the viewpoint of the edges: what moves edges of things 10 m away
+by a tenth of a degree against those behind them."""
 
 
 def search_prior(
@@ -45,18 +45,18 @@ def search_prior(
 ) -> list[EdgeMode]:
     """The maxima of the posterior of the pose that frames share, that of the largest mass first.
 
-    `starts`: poses to look about beside those that are drawn from the prior. ValueError for a prior that says nothing
-    of where the camera stands.
+    `starts`: poses to search about beside those that are drawn from the prior. ValueError for a prior without a
+    position of the camera.
     """
     density = Density.of_prior(prior, frames[0].origin)
     cores = [frame.core for frame, _ in with_progress(frames, part(progress, 0.0, FRAMES_MADE))]
     local, drawn = [start.rebase(density.origin) for start in starts], part(progress, FRAMES_MADE, MAXIMA_FOUND)
     modes = density.modes(cores, local, DRAWS, KEPT, drawn)
 
-    def seen_from(center: Array) -> list[_core.AlignmentFrame]:
-        return [frame.seen_from(center) for frame in frames]
+    def visible_from(center: Array) -> list[_core.AlignmentFrame]:
+        return [frame.visible_from(center) for frame in frames]
 
-    modes = _or_seen_anew(modes, density, seen_from, np.zeros(3), part(progress, MAXIMA_FOUND, 1.0))
+    modes = _with_updated_edges(modes, density, visible_from, np.zeros(3), part(progress, MAXIMA_FOUND, 1.0))
     return _in_world(modes, density.origin)
 
 
@@ -68,12 +68,12 @@ def search_about(
     """
     local = pose.rebase(density.origin)
 
-    def seen_from(center: Array) -> list[_core.AlignmentFrame]:
-        return [frame.seen_from(center, with_regions=False) for frame in frames]
+    def visible_from(center: Array) -> list[_core.AlignmentFrame]:
+        return [frame.visible_from(center, with_regions=False) for frame in frames]
 
     about = part(progress, 0.0, MAXIMA_FOUND)
-    modes = density.modes(seen_from(local.camera_center), [local], LOCAL_DRAWS, LOCAL_KEPT, about)
-    modes = _or_seen_anew(modes, density, seen_from, local.camera_center, part(progress, MAXIMA_FOUND, 1.0))
+    modes = density.modes(visible_from(local.camera_center), [local], LOCAL_DRAWS, LOCAL_KEPT, about)
+    modes = _with_updated_edges(modes, density, visible_from, local.camera_center, part(progress, MAXIMA_FOUND, 1.0))
     return _in_world(modes, density.origin)
 
 
@@ -85,7 +85,7 @@ class Density(NamedTuple):
 
     @classmethod
     def of_prior(cls, prior: Prior, origin: Array) -> Density:
-        """That of a prior; ValueError for one that says nothing of where the camera stands."""
+        """That of a prior; ValueError for one without a position of the camera."""
         return cls(_core.Density.of_prior(prior.rebase(origin).core), origin)
 
     @classmethod
@@ -95,8 +95,8 @@ class Density(NamedTuple):
         return cls(_core.Density.student(local.rotation.as_matrix(), local.translation, covariance), origin)
 
     def maxima(self, frames: Sequence[_core.AlignmentFrame], starts: Sequence[Pose]) -> list[EdgeMode]:
-        """The maxima of the posterior of the pose that frames share to which starts lead, that of the largest mass
-        first; poses of the world.
+        """The maxima of the posterior of the pose that frames share to which the descent converges from starts, that
+        of the largest mass first; poses of the world.
         """
         return _in_world(self.modes(frames, [start.rebase(self.origin) for start in starts]), self.origin)
 
@@ -112,10 +112,10 @@ class Density(NamedTuple):
         as there are starts where that is left out.
         """
 
-        def report(share: float) -> None:
+        def report(fraction: float) -> None:
             check_wanted()
             if progress is not None:
-                progress(share)
+                progress(fraction)
 
         report(0.0)
         given = [(start.rotation.as_matrix(), start.translation) for start in starts]
@@ -140,18 +140,18 @@ def _in_world(modes: Sequence[EdgeMode], origin: Array) -> list[EdgeMode]:
     return [replace(mode, pose=mode.pose.rebase(-origin)) for mode in modes]
 
 
-def _or_seen_anew(
+def _with_updated_edges(
     modes: list[EdgeMode],
     density: Density,
-    seen_from: Callable[[Array], Sequence[_core.AlignmentFrame]],
+    visible_from: Callable[[Array], Sequence[_core.AlignmentFrame]],
     center: Array,
     progress: Progress | None = None,
 ) -> list[EdgeMode]:
-    """The maxima, or those that they lead to by the edges that are seen from the likeliest one, if these are likelier:
-    from elsewhere than a center (3,) a camera sees other ones. All about the density's origin.
+    """The maxima, or those refined from them with the edges that are visible from the likeliest one, if these are
+    likelier: from elsewhere than a center (3,) a camera sees other edges. All about the density's origin.
     """
-    if not modes or np.linalg.norm(modes[0].pose.camera_center - center) < ANEW_M:
+    if not modes or np.linalg.norm(modes[0].pose.camera_center - center) < EDGE_UPDATE_M:
         return modes
-    moved = seen_from(modes[0].pose.camera_center)
-    anew = density.modes(moved, [mode.pose for mode in modes], progress=part(progress, EDGES_MADE, 1.0))
-    return max(modes, anew, key=log_mass)
+    frames = visible_from(modes[0].pose.camera_center)
+    updated = density.modes(frames, [mode.pose for mode in modes], progress=part(progress, EDGES_MADE, 1.0))
+    return max(modes, updated, key=log_mass)

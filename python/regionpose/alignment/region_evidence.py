@@ -1,4 +1,4 @@
-"""What regions say of the pose, before edges are looked at."""
+"""The regions' estimate of the pose, before edges are compared."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from regionpose.regions.world import WorldRegion
 from regionpose.solve.estimate import PoseEstimate
 from regionpose.solve.options import Solver
 from regionpose.solve.prior import Prior
-from regionpose.solve.reevaluate import moved_estimate
+from regionpose.solve.reevaluate import estimate_at
 from regionpose.solve.rig import estimate_rig
 from regionpose.solve.single import estimate_pose
 
@@ -27,7 +27,7 @@ class RegionEvidence:
     """The estimate of regions alone.
 
     `regions`: on both sides, of all frames, one frame after the other, as `camera` sees them. `starts`: for each frame
-    with a photo and a cloud the place of its first region among them. `reestimate`: the estimate with the answer
+    with a photo and a cloud the place of its first region among them. `reestimate`: the estimate with the solution
     nearest to a pose first.
     """
 
@@ -64,9 +64,9 @@ class RegionEvidence:
         )
 
     def first_at(self, pose: Pose) -> RegionEvidence:
-        """The same with the answer nearest to a pose first."""
+        """The same with the solution nearest to a pose first."""
         return replace(self, estimate=self.reestimate(pose))
 
-    def moved(self, pose: Pose, covariance: NDArray[np.float64], solver: Solver) -> PoseEstimate:
-        """The estimate with another pose, of this covariance (6, 6)."""
-        return moved_estimate(self.estimate, pose, covariance, self.camera, *self.regions, solver)
+    def estimate_at(self, pose: Pose, covariance: NDArray[np.float64], solver: Solver) -> PoseEstimate:
+        """The estimate reevaluated at another pose, of this covariance (6, 6)."""
+        return estimate_at(self.estimate, pose, covariance, self.camera, *self.regions, solver)

@@ -15,11 +15,11 @@ from regionpose.validation.arrays import check_coordinates, real_array, row_arra
 
 Array = NDArray[np.float64]
 
-EDGE_SHARE = 0.1
-"""An edge goes beyond the near surface's plane by this share of the inverse distance: several times range noise."""
+EDGE_FRACTION = 0.1
+"""An edge goes beyond the near surface's plane by this fraction of the inverse distance: several times range noise."""
 
 CELL_PX = 2.0
-"""Pixels within which the nearest point hides others: less than what edges are looked for within."""
+"""Pixels within which the nearest point hides others: less than the narrowest spread of edges."""
 
 WIDEST_GAP_DEG = 0.7
 """Neighbors farther apart leave open where between them a surface ends: two lines of 64 beams are 0.4 apart."""

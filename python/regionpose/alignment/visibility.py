@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_closing
 
 from regionpose.alignment.photo_cloud import PhotoCloud
-from regionpose.alignment.views import EDGE_SHARE
+from regionpose.alignment.views import EDGE_FRACTION
 from regionpose.cameras import Camera
 from regionpose.geometry.pose import Pose
 from regionpose.regions.image import ImageRegion
@@ -21,21 +21,21 @@ from regionpose.solve.edge_diagnostics import Occlusion
 Array = NDArray[np.float64]
 
 CELLS = 400
-"""Cells that a region is cut into: a share known to some hundredths."""
+"""Cells that a region is cut into: a fraction known to some hundredths."""
 
 GAP_CELLS = 5
 """Width of the gaps that a surface closes between its samples, a quarter of the region's: convention. With 3 to 11
 cells 104 to 163 of 964 wrong poses hide a region, and none of 104 right ones (`python -m benchmarks.visibility`)."""
 
 LEAST_CELLS = 20
-"""Cells that the photo shows below which nothing is said: a twentieth of the region, whose overlap speaks then."""
+"""Fewest cells in the photo for an occlusion test: a twentieth of the region; below, the overlap error shows it."""
 
 MOSTLY = 0.5
-"""Share above which a region counts as hidden: convention. At the true poses at most 0.09 of one is hidden, at those of
-estimates that count as right 0.38 (the same command)."""
+"""Fraction above which a region counts as hidden: convention. At the true poses at most 0.09 of one is hidden, at those
+of estimates that count as right 0.38 (the same command)."""
 
 MOST_POINTS = 500_000
-"""Points that are looked at, evenly drawn: more lie closer together than a cell of most regions."""
+"""Most points that are projected, evenly drawn: more lie closer together than a cell of most regions."""
 
 
 class _Cells(NamedTuple):
@@ -45,17 +45,18 @@ class _Cells(NamedTuple):
 
     corner: Array
     size: float
-    seen: NDArray[np.int64]
+    visible: NDArray[np.int64]
     shape: NDArray[np.int64]
 
 
-def occlusions(seen: PhotoCloud, pose: Pose) -> tuple[Occlusion, ...]:
+def occlusions(photo_cloud: PhotoCloud, pose: Pose) -> tuple[Occlusion, ...]:
     """How much of each world region of a frame its points hide at a pose, where its image region shows it; nothing
     without world regions.
 
     ValueError for another number of regions in the world than in the image.
     """
-    places, image_regions, world_regions = seen.points, seen.frame.image_regions, seen.frame.world_regions
+    places, frame = photo_cloud.points, photo_cloud.frame
+    image_regions, world_regions = frame.image_regions, frame.world_regions
     if not world_regions:
         return ()
     if len(image_regions) != len(world_regions):
@@ -64,24 +65,24 @@ def occlusions(seen: PhotoCloud, pose: Pose) -> tuple[Occlusion, ...]:
         )
     some = places[:: max(1, -(-len(places) // MOST_POINTS))]
     pairs = zip(image_regions, world_regions, strict=True)
-    return tuple(_occlusion(observed, world, some, seen.camera, pose) for observed, world in pairs)
+    return tuple(_occlusion(observed, world, some, photo_cloud.camera, pose) for observed, world in pairs)
 
 
 def _occlusion(observed: ImageRegion, world: WorldRegion, points: Array, camera: Camera, pose: Pose) -> Occlusion:
     cells = _cells(observed, world, camera, pose)
-    if len(cells.seen) < LEAST_CELLS:
+    if len(cells.visible) < LEAST_CELLS:
         return Occlusion(np.nan, np.nan, np.nan, is_hidden=False)
     nearer, shadows = _shadows(world, points, pose.camera_center)
     hidden, above = _covered(cells, shadows)
     before = np.linalg.norm(points[nearer[above]] - pose.camera_center, axis=1)
-    middle = cells.corner + (cells.seen.mean(axis=0) + 0.5) * cells.size
+    middle = cells.corner + (cells.visible.mean(axis=0) + 0.5) * cells.size
     away = np.linalg.norm(world.core.origin + middle @ world.core.axes[:2] - pose.camera_center)
-    share, distance_m = float(hidden.mean()), float(np.median(before)) if len(before) else np.nan
-    return Occlusion(share, distance_m, float(away), is_hidden=share > MOSTLY)
+    fraction, distance_m = float(hidden.mean()), float(np.median(before)) if len(before) else np.nan
+    return Occlusion(fraction, distance_m, float(away), is_hidden=fraction > MOSTLY)
 
 
 def _covered(cells: _Cells, shadows: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which of the cells that are seen (n,) surfaces cover whose samples have these shadows (m, 2), and which of the
+    """Which of the visible cells (n,) surfaces cover whose samples have these shadows (m, 2), and which of the
     shadows (m,) fall on such cells.
     """
     ends = cells.shape + 2 * GAP_CELLS
@@ -91,10 +92,10 @@ def _covered(cells: _Cells, shadows: Array) -> tuple[NDArray[np.bool_], NDArray[
     surface, covered = np.zeros((2, *ends), dtype=np.bool_)
     surface[places] = True
     closed = np.asarray(binary_closing(surface, np.ones((GAP_CELLS, GAP_CELLS), dtype=np.bool_)))
-    seen = tuple((cells.seen + GAP_CELLS).T)
-    covered[seen] = closed[seen]
+    visible = tuple((cells.visible + GAP_CELLS).T)
+    covered[visible] = closed[visible]
     beside[beside] = covered[places]
-    return closed[seen], beside
+    return closed[visible], beside
 
 
 def _shadows(world: WorldRegion, points: Array, center: Array) -> tuple[NDArray[np.intp], Array]:
@@ -107,7 +108,7 @@ def _shadows(world: WorldRegion, points: Array, center: Array) -> tuple[NDArray[
         # 0 at the camera, 1 on the plane; a curved surface begins before its mean plane.
         way = (points @ normal - normal @ center) / height
         begins = 1.0 if surface is None else min(1.0, float(((surface[0] - center) @ normal / height).min()))
-        nearer = np.flatnonzero((way > 0.0) & (way < (1.0 - EDGE_SHARE) * begins))
+        nearer = np.flatnonzero((way > 0.0) & (way < (1.0 - EDGE_FRACTION) * begins))
     shadows = (points[nearer] - center) / way[nearer, None] + (center - origin)
     return nearer, shadows @ np.transpose(flat)
 

@@ -21,7 +21,7 @@ class PictureView(Element, component="picture_view.js"):
     """
 
     def __init__(self, size: tuple[int, int], *, least: float = 0.0) -> None:
-        """An empty view of a picture of `size` (width, height) that fills at least a share of the view's height."""
+        """An empty view of a picture of `size` (width, height) that fills at least a fraction of the view's height."""
         super().__init__()
         width, height = size
         self._props.update(

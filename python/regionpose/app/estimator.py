@@ -39,29 +39,29 @@ class Running:
 
     titles: dict[str, str] = field(default_factory=lambda: STAGES)
     stage: str = ""
-    share: float | None = None
+    fraction: float | None = None
     start: float = field(default_factory=time.monotonic)
     is_wanted: bool = True
     ended: bool = False
 
     def begin(self, stage: str) -> None:
         """Record the stage."""
-        self.stage, self.share = stage, None
+        self.stage, self.fraction = stage, None
 
-    def progress(self, share: float) -> None:
+    def progress(self, fraction: float) -> None:
         """Record the fraction of the stage that is done."""
-        self.share = share
+        self.fraction = fraction
 
     @property
     def status(self) -> str:
-        """The stage, the share of it that is done, and the seconds since the start; nothing where it has ended or
+        """The stage, the fraction of it that is done, and the seconds since the start; nothing where it has ended or
         was canceled.
         """
         if self.ended or not self.is_wanted or not self.stage:
             return ""
         frame, colon, stage = self.stage.rpartition(": ")
-        share = "" if self.share is None else f"{100.0 * self.share:.0f} %, "
-        return f"{frame}{colon}{self.titles.get(stage, stage)} … {share}{time.monotonic() - self.start:.0f} s"
+        fraction = "" if self.fraction is None else f"{100.0 * self.fraction:.0f} %, "
+        return f"{frame}{colon}{self.titles.get(stage, stage)} … {fraction}{time.monotonic() - self.start:.0f} s"
 
 
 class Estimator:

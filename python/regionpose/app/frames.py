@@ -18,7 +18,7 @@ from regionpose.scene.estimate import frame_label
 from regionpose.scene.exposure import SceneData
 from regionpose.scene.folder import SHARED, folder_pairs
 from regionpose.scene.loading import Scene, load_scene
-from regionpose.scene.paths import moved, relative
+from regionpose.scene.paths import rebased, relative
 from regionpose.scene.sensors import Picture, read_sensors
 from regionpose.scene.stages import Stages
 
@@ -64,7 +64,7 @@ class Frames:
         frames = [] if entry is None else list(entry._frames)
         names = {frame["name"] for frame in frames}
         for pair in folder_pairs(folder)[0]:
-            values = {} if pair.document is None else moved(pair.document_values, pair.document.path.parent, folder)
+            values = {} if pair.document is None else rebased(pair.document_values, pair.document.path.parent, folder)
             own = {key: value for key, value in values.items() if key not in SHARED}
             shared |= {key: value for key, value in values.items() if key in SHARED and key not in shared}
             if pair.name not in names:

@@ -25,8 +25,8 @@ from regionpose.app.texts import HELP, cloud_hint, outcome_html, photo_hint
 REFRESH_S = 0.12
 """Seconds between looks at whether the shared session has changed: other pages and the estimate do so on their own."""
 
-STRIP_SHARE = 0.45
-"""Share of the view's height that the range image takes at least: that of a lidar is a long strip."""
+STRIP_FRACTION = 0.45
+"""Fraction of the view's height that the range image takes at least: that of a lidar is a long strip."""
 
 OPACITY = 0.7
 """Of the cloud over the photo at first: both are seen."""
@@ -148,7 +148,7 @@ class Page:
                 self.scanner = ScannerDialog(shared, self._set_scanner)
                 self.coloring = toggle(shared.colorings, shared.coloring, self._color)
             with ui.element("div").classes("rp-view"):
-                self.range = PictureView(shared.range_view.size, least=STRIP_SHARE)
+                self.range = PictureView(shared.range_view.size, least=STRIP_FRACTION)
                 self.range.on("pick", lambda e: self._click_range(e.args))
                 self.range.on("polygon", lambda e: self._cut(e.args))
                 self.range.on("choose", lambda e: self._select(e.args))

@@ -34,9 +34,9 @@ class ImagePart:
     label: str = ""
 
     @classmethod
-    def of_shares(cls, shares: ArrayLike, label: str = "") -> ImagePart:
-        """The part of a mask's shares (h, w) in [0, 1], rounded to the levels that its file will hold."""
-        levels = np.round(np.asarray(shares, dtype=np.float32) * np.float32(FULL))
+    def of_fractions(cls, fractions: ArrayLike, label: str = "") -> ImagePart:
+        """The part of a mask's fractions (h, w) in [0, 1], rounded to the levels that its file will hold."""
+        levels = np.round(np.asarray(fractions, dtype=np.float32) * np.float32(FULL))
         rounded = levels.astype(np.uint8).astype(np.float32) / np.float32(FULL)
         return cls({"coverage": True}, ImageRegion.from_mask(rounded), picked=True, label=label)
 

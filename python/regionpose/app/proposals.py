@@ -36,7 +36,7 @@ RANGE_PERCENTILES = (2.0, 98.0)
 """The range of intensities leaves reflectors out."""
 
 LEAST_PURITY = 0.9
-"""Share of like points among the neighbors of a patch's points, on the same plane, from which its intensity marks a
+"""Fraction of like points among the neighbors of a patch's points, on the same plane, from which its intensity marks a
 region of its own, as of a sign on a wall. Of the demo's six regions it is 0.93 to 1.0; a face whose intensity only
 varies has less."""
 
@@ -107,14 +107,14 @@ def segmenter_choices(segmenter: Segmenter, image: Picture, seed: Sequence[float
     """Masks that a segmenter finds around a pixel (x, y), in order of size; the one that it puts first is taken."""
     masks = segmented(segmenter, image, [seed], [1])
     order = np.argsort([float(mask.sum()) for mask in masks], kind="stable").tolist()
-    makers = tuple(partial(ImagePart.of_shares, masks[index], "segmenter") for index in order)
+    makers = tuple(partial(ImagePart.of_fractions, masks[index], "segmenter") for index in order)
     return Choices(makers, order.index(0))
 
 
 def _mask(image: Picture, seed: tuple[float, float], tolerance: float) -> ImagePart:
     """The mask grown with a tolerance."""
-    shares = grow_image_region(image, seed, tolerance=tolerance, coverage=True)
-    return ImagePart.of_shares(shares, f"colors within {tolerance:.3g}")
+    fractions = grow_image_region(image, seed, tolerance=tolerance, coverage=True)
+    return ImagePart.of_fractions(fractions, f"colors within {tolerance:.3g}")
 
 
 def plane_choices(scan: Scan, scene_with: Callable[[dict[str, Any]], Scene], seed: Array) -> Choices[WorldPart]:
@@ -179,13 +179,13 @@ def _shade(scan: Scan, seed: Array, indices: NDArray[np.intp]) -> float | None:
     places, levels = cloud.local_points[indices], cloud.intensity[indices]
     neighbors = np.asarray(cKDTree(places).query(places, NEAREST_AND_SELF)[1], dtype=np.intp)
     start = int(np.argmin(np.sum((places - seed) ** 2, axis=1)))
-    found = [(_purity(levels, neighbors, start, share * (high - low)), share) for share in SHADES]
-    purity, share = max(found)
-    return float(f"{share * (high - low):.4g}") if purity >= LEAST_PURITY else None
+    found = [(_purity(levels, neighbors, start, fraction * (high - low)), fraction) for fraction in SHADES]
+    purity, fraction = max(found)
+    return float(f"{fraction * (high - low):.4g}") if purity >= LEAST_PURITY else None
 
 
 def _purity(levels: Array, neighbors: NDArray[np.intp], start: int, tolerance: float) -> float:
-    """Share of like points among the neighbors of those connected with the start; 0 where all are like it."""
+    """Fraction of like points among the neighbors of those connected with the start; 0 where all are like it."""
     alike = np.abs(levels - np.median(levels[neighbors[start]])) <= tolerance
     alike[start] = True
     rows, columns = np.repeat(np.arange(len(levels)), neighbors.shape[1]), neighbors.ravel()

@@ -173,8 +173,8 @@ def depth_and_intensity(cloud: Cloud, place: Array) -> Bytes:
     ranges = np.linalg.norm(cloud.local_points - place, axis=1)
     near, far = np.percentile(ranges, [1.0, 99.0])
     table = depth_colors()
-    share = np.clip(np.log(np.maximum(ranges, near) / near) / max(np.log(far / near), 1e-9), 0.0, 1.0)
-    colors = table[np.round((1.0 - share) * (len(table) - 1)).astype(np.int64)]
+    fraction = np.clip(np.log(np.maximum(ranges, near) / near) / max(np.log(far / near), 1e-9), 0.0, 1.0)
+    colors = table[np.round((1.0 - fraction) * (len(table) - 1)).astype(np.int64)]
     if cloud.intensity is None:
         return np.asarray(colors, dtype=np.uint8)
     shaded: Bytes = np.round(colors * (0.55 + 0.45 * grays(cloud))[:, None]).astype(np.uint8)

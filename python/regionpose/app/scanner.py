@@ -13,7 +13,7 @@ MOST_POINTS = 120_000
 """Points that are looked at: those of a turn of a lidar with 64 beams."""
 
 MOST_ASKED = 12_000
-"""Points whose neighbors are looked at: the shares below are then known to less than a hundredth."""
+"""Points whose neighbors are looked at: the fractions below are then known to less than a hundredth."""
 
 DEEPER = 0.1
 """Difference of the logarithm of the distance from which one of two points stands behind the other."""
@@ -22,8 +22,8 @@ STEP = 0.1
 """How far beside the place the other places are that it is compared with, over the points' median distance."""
 
 MOST_BEHIND = 0.2
-"""Share of points behind their neighbors from which a cloud is of several scans. Of 13 single scans (KITTI, nuScenes,
-VLP-16, a depth camera, the demo) it is 0.001 to 0.09 from the scanner's place, of two scans merged 0.42."""
+"""Fraction of points behind their neighbors from which a cloud is of several scans. Of 13 single scans (KITTI,
+nuScenes, VLP-16, a depth camera, the demo) it is 0.001 to 0.09 from the scanner's place, of two scans merged 0.42."""
 
 
 def proposed_scanner(cloud: Cloud) -> Array | None:
@@ -39,16 +39,16 @@ def proposed_scanner(cloud: Cloud) -> Array | None:
     low, high = points.min(axis=0), points.max(axis=0)
     if not ((2.0 * low - high <= zero) & (zero <= 2.0 * high - low)).all():
         return None  # A scanner isn't farther off than its scan is long.
-    behind = _share_behind(points, zero)
+    behind = _fraction_behind(points, zero)
     if behind > MOST_BEHIND:
         return None
     reach = STEP * float(np.median(np.linalg.norm(points - zero, axis=1)))
     beside = (zero + sign * reach * axis for axis in np.eye(3) for sign in (1.0, -1.0))
-    return np.zeros(3) if all(_share_behind(points, place) >= behind for place in beside) else None
+    return np.zeros(3) if all(_fraction_behind(points, place) >= behind for place in beside) else None
 
 
-def _share_behind(points: Array, place: Array) -> float:
-    """Share of points that are much nearer or farther than the point beside them, seen from a place."""
+def _fraction_behind(points: Array, place: Array) -> float:
+    """Fraction of points that are much nearer or farther than the point beside them, seen from a place."""
     offsets = points - place
     ranges = np.linalg.norm(offsets, axis=1)
     has_range = ranges > 0.0

@@ -35,7 +35,7 @@ LARGEST_SIDE = 4096
 PALETTE = ("#ff9f1c", "#29b6f6", "#9ccc3c", "#ff5d8f", "#b388ff", "#ffd60a", "#00d9b0", "#ff7043", "#5c8dff", "#d4e157")
 """Colors of the regions, distinct on photos and on the depth colors; the eleventh begins again."""
 
-MEMBER_SHARE = 0.65
+MEMBER_FRACTION = 0.65
 """How much of a region's color its points take in the cloud."""
 
 UNSEEN_LIGHT = 0.35
@@ -270,7 +270,7 @@ class SharedSession:
             if picked.world is not None and picked.world.chosen.side.indices is not None:
                 indices = _places_in(self._displayed, picked.world.chosen.side.indices)
                 own = np.array([int(color_of(picked.key)[at : at + 2], 16) for at in (1, 3, 5)])
-                marked[indices] = np.round(MEMBER_SHARE * own + (1.0 - MEMBER_SHARE) * marked[indices])
+                marked[indices] = np.round(MEMBER_FRACTION * own + (1.0 - MEMBER_FRACTION) * marked[indices])
         return marked
 
     def _colors_of(self, coloring: str) -> Bytes:

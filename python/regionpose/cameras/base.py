@@ -90,7 +90,7 @@ class Camera(ABC):
         Raises
         ------
         ValueError
-            For a camera without a size, and where no one factor, to a pixel of rounding, leads from its size to the
+            For a camera without a size, and where no one factor, to a pixel of rounding, scales its size to the
             other.
         """
         size = image_length("width", width), image_length("height", height)
@@ -135,7 +135,7 @@ class Camera(ABC):
         if factor is not None:
             return f"found {width} x {height} pixels, {factor:.4g} of the camera's; {needed}"
         turned = resize_factor(calibrated[::-1], (width, height)) is not None
-        how = TURNED if turned else "cut, or another camera's: no one factor leads from one to the other"
+        how = TURNED if turned else "cut, or another camera's: no one factor scales one to the other"
         return f"found {width} x {height} pixels ({how}); {needed}"
 
     def _is_copy(self, width: int, height: int) -> bool:
@@ -179,7 +179,7 @@ class Camera(ABC):
 
 
 def resize_factor(size: tuple[int, int], other: tuple[int, int]) -> float | None:
-    """The factor that leads from one width and height to another, each rounded by less than a pixel; None if none does.
+    """The factor that scales one width and height to another, each rounded by less than a pixel; None if none does.
 
     Of the factors that do, the middle one.
     """

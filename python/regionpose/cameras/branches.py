@@ -16,7 +16,7 @@ ROOT_TOLERANCE = 1e-12
 """Value of a polynomial, over the sum of its terms' sizes, that counts as zero: its rounding at a root, with room."""
 
 POLE_MARGIN = 1e-9
-"""Share of a pole's radius inside it at which a factor is read whose numerator vanishes there, too."""
+"""Fraction of a pole's radius inside it at which a factor is read whose numerator vanishes there, too."""
 
 WIDEST_GAP = 0.1
 """Largest part of its radius that a fold may take for the model to be used beyond it; a convention. Numerators and
@@ -162,8 +162,8 @@ def _conditions(factor: RadialFactor, disturbance: Disturbance) -> tuple[Array, 
     product = np.convolve(factor.numerator, factor.denominator)
     prism = np.array([2.0 * a, 4.0 * b])
 
-    def less(even: Array, share: float, weight: float, under: Array) -> Array:
-        lowered = share * prism
+    def less(even: Array, fraction: float, weight: float, under: Array) -> Array:
+        lowered = fraction * prism
         lowered[0] += weight * q
         return _minus_odd(even, np.convolve(lowered, under))
 

@@ -16,7 +16,7 @@ class EquirectangularCamera(Camera):
     """The camera of a 360 degree panorama, known by the size of its image alone.
 
     Columns are evenly spaced longitudes, one turn over the width; rows are latitudes with the same spacing, the horizon
-    in the middle (docs/math.md, eq. 9.12). The axis z leads to the image's middle, y down. The left side continues the
+    in the middle (docs/math.md, eq. 9.12). The axis z points to the image's middle, y down. The left side continues the
     right one: pixels beyond either are those of the other, and a polygon may go on across the seam.
 
     Parameters

@@ -79,7 +79,7 @@ def positive_roots(coefficients: Sequence[float] | Array) -> list[float]:
 
 
 def _polished_root(coefficients: Array, root: float) -> float:
-    """`root` after Newton steps, or as it is where they lead away (a double root)."""
+    """`root` after Newton steps, or as it is where they diverge (a double root)."""
     slope = derivative(coefficients)
     polished = np.array(root)
     with np.errstate(all="ignore"):

@@ -26,7 +26,7 @@ BAR_WIDTH = 20
 """Characters; with all else, a line of bytes fits into 80."""
 
 BESIDE_NAME, LEAST_NAME = 46, 16
-"""Characters of a line of shares beside its name; those that a name has on the narrowest terminal."""
+"""Characters of a line of fractions beside its name; those that a name has on the narrowest terminal."""
 
 DRAWN_EVERY_S = 0.05
 """Sooner updates are dropped: readers report thousands a second."""
@@ -61,7 +61,7 @@ class Rate(ProgressColumn):
 NAME, BAR = TextColumn("{task.description}", markup=False), BarColumn(BAR_WIDTH)
 TIMES = (Elapsed(), TimeRemainingColumn(), TextColumn("left"))
 UNKNOWN = (Turning(), NAME, Elapsed())
-SHARE = (NAME, BAR, TaskProgressColumn(), *TIMES)
+PERCENT = (NAME, BAR, TaskProgressColumn(), *TIMES)
 BYTES = (NAME, BAR, DownloadColumn(), TransferSpeedColumn(), *TIMES)
 ITEMS = (NAME, BAR, MofNCompleteColumn(), Rate(), *TIMES)
 
@@ -93,7 +93,7 @@ class StageLine(Progress):
         if self._clock() < self._shown_from or not self.tasks:
             yield Text()
             return
-        # What follows the last share, such as making arrays of what was read, is of unknown amount again.
+        # What follows the last fraction, such as making arrays of what was read, is of unknown amount again.
         self.columns = UNKNOWN if self.finished else self._kind
         yield self.make_tasks_table(self.tasks)
 

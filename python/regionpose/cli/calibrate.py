@@ -108,8 +108,8 @@ def calibrate(
     """Estimate a camera's pose in the frame of a scanner, from photos and clouds of one rig.
 
     Needs neither regions nor a start: the edges of the clouds are laid on those of the photos at all poses that --near,
-    --up and --mount leave, and how far the best leads chance and the others gives the verdict. Several photos are surer
-    and more precise than one.
+    --up and --mount leave, and the odds of the best over chance and over the others give the verdict. Several photos
+    are surer and more precise than one.
 
     Of a folder, every photo 0001.png with a cloud 0001.pcd beside it is a frame. Regions, where there are some, are in
     0001.yaml (keys of a scene file), in 0001.json (labelme or COCO) or in masks 0001-NAME.png. Without world_regions in

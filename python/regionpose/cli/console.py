@@ -64,7 +64,7 @@ class Progress:
             self._line.begin(stage)
 
     def of_bytes(self, size_bytes: int) -> None:
-        """Show the shares of the stage as bytes of so many; as percent where these are none."""
+        """Show the fractions of the stage as bytes of so many; as percent where these are none."""
         self._size_bytes = size_bytes
 
     @property
@@ -72,16 +72,16 @@ class Progress:
         """The stages of a scene's run, shown as they come."""
         from regionpose.scene.stages import Stages
 
-        return Stages(self.begin, self.share, self.of_bytes)
+        return Stages(self.begin, self.fraction, self.of_bytes)
 
-    def share(self, share: float) -> None:
+    def fraction(self, fraction: float) -> None:
         """Show the fraction of the stage that is done, from 0 to 1."""
         if self._line is None:
             return
-        from regionpose.cli.bars import BYTES, SHARE
+        from regionpose.cli.bars import BYTES, PERCENT
 
         total = self._size_bytes or 1.0
-        self._line.set_amount(BYTES if self._size_bytes else SHARE, share * total, total)
+        self._line.set_amount(BYTES if self._size_bytes else PERCENT, fraction * total, total)
 
     def count(self, done: int, total: int) -> None:
         """Show how many items of the stage are done."""
@@ -106,7 +106,7 @@ class Progress:
 
         self.begin("read cloud")
         self.of_bytes(file_size(path))
-        return read_cloud(path, columns=columns, progress=self.share)
+        return read_cloud(path, columns=columns, progress=self.fraction)
 
 
 def print_remarks(remarks: Sequence[str], quiet: bool) -> None:

@@ -119,7 +119,7 @@ def _print_result(run: SceneEstimate, result: dict[str, Any], written: list[Path
     if found["regions"]:
         typer.echo("overlap error by region")
         print_rows([(region["name"], _errors(region)) for region in found["regions"]])
-        typer.echo("3D regions known by")
+        typer.echo("boundary of each 3D region")
         print_rows([(region["name"], _samples_text(region)) for region in found["regions"]])
         _print_frames(found)
     _print_search(found)
@@ -164,13 +164,13 @@ def _overlap(run: SceneEstimate) -> list[tuple[str, str]]:
 
 
 def _counts_less(on_their_side: float | None) -> str:
-    """The text of an overlap error, after the share of samples on their side if there is one."""
+    """The text of an overlap error, after the fraction of samples on their side if there is one."""
     return "" if on_their_side is None else " (of outlines that the scan doesn't know; its samples count)"
 
 
 def _errors(region: dict[str, Any]) -> str:
     """A region's overlap error, after that of the initial pose where there is one."""
-    after = f"{100.0 * region['overlap_error']:.2f} %{_counts_less(region['samples_on_their_side'])}"
+    after = f"{100.0 * region['overlap_error']:.2f} %{_counts_less(region['consistent_sample_fraction'])}"
     if "overlap_error_before" not in region:
         return after
     before = region["overlap_error_before"]
@@ -178,9 +178,11 @@ def _errors(region: dict[str, Any]) -> str:
 
 
 def _samples_text(region: dict[str, Any]) -> str:
-    """What a region's 3D side is known by, and how its samples fit."""
-    share = region["samples_on_their_side"]
-    return f"{region['known_by']}" + ("" if share is None else f"; {100.0 * share:.1f} % on their side of the outline")
+    """The source of a region's 3D boundary, and how its samples fit."""
+    fraction = region["consistent_sample_fraction"]
+    return f"{region['boundary_source']}" + (
+        "" if fraction is None else f"; {100.0 * fraction:.1f} % on their side of the outline"
+    )
 
 
 def _print_matching(found: dict[str, Any]) -> None:
@@ -212,7 +214,7 @@ def _frame_fit(frame: dict[str, Any]) -> str:
 
 
 def _print_search(found: dict[str, Any]) -> None:
-    """What was searched for a pose by edges alone, and how far the pose leads."""
+    """What was searched for a pose by edges alone, and the odds of the pose."""
     edges = found["edges"]
     if edges is None:
         return

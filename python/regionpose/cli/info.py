@@ -237,7 +237,7 @@ def _picture_facts(place: BagPlace) -> Facts:
 def _cloud_facts(path: Path, progress: Progress, columns: list[str] | None = None) -> Facts:
     cloud = progress.read_cloud(path, columns)
     progress.begin(f"spacing of {len(cloud)} points")
-    spacing = _spacing(cloud.local_points, progress.share)
+    spacing = _spacing(cloud.local_points, progress.fraction)
     low, high = cloud.local_points.min(axis=0), cloud.local_points.max(axis=0)
     return {
         "kind": "cloud" if cloud.triangles is None else "mesh",

@@ -41,9 +41,9 @@ def recording_scene(
     progress.begin("photos of the recording")
     topics = topics_of(bag, choice.photos, choice.clouds)
     if times is None:
-        pairs = pairs_spread(bag, topics, choice.frames or FRAMES, progress.share)
+        pairs = pairs_spread(bag, topics, choice.frames or FRAMES, progress.fraction)
     else:
-        pairs = pairs_at(bag, topics, times, progress.share)
+        pairs = pairs_at(bag, topics, times, progress.fraction)
     remarks = [f"frames of {bag}: {topics.photos} with {topics.clouds}"]
     remarks += [f"  {pair.name}, {pair.delay_text}" for pair in pairs]
     return scene_of_recording(bag, topics, pairs, path, options), remarks

@@ -27,7 +27,7 @@ Grower = Callable[[Any, tuple[float, ...]], Any]
 """Makes a mask (h, w) of an image and a pixel."""
 
 MASK_LEVEL = 0.5
-"""Share of a pixel from which it is in the mask that is written."""
+"""Fraction of a pixel from which it is in the mask that is written."""
 
 
 def segment(
@@ -149,7 +149,7 @@ def _segment_cloud(
         cloud = progress.read_cloud(path, columns)
         progress.begin("world region")
         start = np.asarray(seed) - cloud.origin
-        indices = np.asarray(grow_plane(cloud.local_points, start, progress=progress.share))
+        indices = np.asarray(grow_plane(cloud.local_points, start, progress=progress.fraction))
     if out.suffix.lower() == ".npy":
         write_file(out, lambda place: np.save(place, cloud.to_file_indices(indices)), force=force)
     else:
@@ -188,10 +188,10 @@ def _scene_writers(scene: Scene, sides: SceneData, out: Path) -> dict[str, Any]:
     from PIL import Image
 
     from regionpose.io.yaml_text import to_yaml
-    from regionpose.scene.paths import moved
+    from regionpose.scene.paths import rebased
 
     writers: dict[str, Any] = {}
-    values: Any = moved(scene.document.value, scene.path.parent, out)
+    values: Any = rebased(scene.document.value, scene.path.parent, out)
     for index, (region, observed, world) in enumerate(_with_sides(values, sides)):
         if observed is not None and observed.mask is not None:
             picture = Image.fromarray(np.where(observed.mask.full() > MASK_LEVEL, 255, 0).astype(np.uint8))
@@ -259,5 +259,5 @@ def _size(region: dict[str, Any]) -> str:
     parts = [f"{region['image_area_px']:.0f} px"] if "image_area_px" in region else []
     if "world_area_m2" in region:
         points = [] if region["cloud_points"] is None else [f"{region['cloud_points']} points"]
-        parts += [f"{region['world_area_m2']:.3f} m2", *points, region["known_by"]]
+        parts += [f"{region['world_area_m2']:.3f} m2", *points, region["boundary_source"]]
     return ", ".join(parts)

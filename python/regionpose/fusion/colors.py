@@ -27,7 +27,7 @@ BLOCK = 1 << 18
 """Points mapped at a time, so that a cloud's temporaries stay small beside the cloud."""
 
 DEPTH_TOLERANCE = 0.03
-"""Share of the distance by which a point may lie behind the surface in front: range noise and the slope within a
+"""Fraction of the distance by which a point may lie behind the surface in front: range noise and the slope within a
 cell."""
 
 NEAREST = np.float32(1e-6)
@@ -49,7 +49,7 @@ GAP_SAMPLES, GAP_NEIGHBORS = 400, 64
 GAP_PERCENTILE, GAP_FACTOR = 75.0, 1.5
 """The layer's gap is this percentile of its points' gaps, times a slack for those above it."""
 
-WIDEST_GAP_SHARE = 1 / 16
+WIDEST_GAP_FRACTION = 1 / 16
 """Gap over the image's diagonal at the most; what is farther apart is no surface."""
 
 
@@ -99,7 +99,7 @@ def colorize(
     pose : Pose
         `camera_from_world`.
     depth_tolerance : float
-        Points hide what lies behind the surface they sample by more than this share of its distance.
+        Points hide what lies behind the surface they sample by more than this fraction of its distance.
 
     Returns
     -------
@@ -123,9 +123,9 @@ def blend_colors(
 ) -> tuple[Bytes, Mask]:
     """Colors of world points in several images, and which points any of the cameras sees.
 
-    The weighted mean of the images' colors. An image weighs `cos(angle) / distance^2`, its share of pixels per area up
-    to the focal length; the angle is the one between the ray and the point's normal, and counts as 0 without a normal.
-    Visibility as in `colorize`.
+    The weighted mean of the images' colors. An image weighs `cos(angle) / distance^2`, its fraction of pixels per area
+    up to the focal length; the angle is the one between the ray and the point's normal, and counts as 0 without a
+    normal. Visibility as in `colorize`.
 
     Parameters
     ----------
@@ -238,15 +238,15 @@ def _checked_normals(normals: ArrayLike, count: int) -> Floats:
 
 def _checked_tolerance(value: float) -> float:
     if not (np.isfinite(value) and value >= 0.0):
-        raise ValueError(f"depth_tolerance is {value}; needed a finite share of at least 0")
+        raise ValueError(f"depth_tolerance is {value}; needed a finite fraction of at least 0")
     return value
 
 
 def _cosines(rays: NDArray[np.floating], normals: Floats) -> Floats:
     """Cosines (n,) between rays (n, 3) and unit normals (n, 3) of either side."""
     lengths = np.maximum(np.linalg.norm(rays, axis=1), NEAREST)
-    shares = np.abs(np.sum(rays * normals, axis=1)) / lengths
-    return np.asarray(np.maximum(shares.astype(np.float32), LEAST_COSINE))
+    fractions = np.abs(np.sum(rays * normals, axis=1)) / lengths
+    return np.asarray(np.maximum(fractions.astype(np.float32), LEAST_COSINE))
 
 
 def _projected(points: NDArray[np.floating], camera: Camera, pose: Pose, size: tuple[int, int]) -> _Projection:
@@ -274,15 +274,15 @@ def _visible(projection: _Projection, size: tuple[int, int], tolerance: float) -
     columns, rows = np.floor((projection.pixels[kept] + 0.5) / side).astype(np.int32).T
     cells = np.minimum(rows, shape[0] - 1) * np.int32(shape[1]) + np.minimum(columns, shape[1] - 1)
     distances = np.maximum(projection.distances[kept], np.finfo(np.float32).tiny)
-    nearness = np.asarray(1.0 / distances, dtype=np.float32)
-    front = _front_surface(cells, nearness, shape)
+    inverse_distances = np.asarray(1.0 / distances, dtype=np.float32)
+    front = _front_surface(cells, inverse_distances, shape)
     # A cell beside the end of a surface doesn't count as behind it: its own pixels may see past.
-    hidden = nearness * (1.0 + tolerance) < minimum_filter(front, size=3).ravel()[cells]
+    hidden = inverse_distances * (1.0 + tolerance) < minimum_filter(front, size=3).ravel()[cells]
     visible[kept[hidden]] = False
     return visible
 
 
-def _front_surface(cells: NDArray[np.int32], nearness: Floats, shape: tuple[int, int]) -> Floats:
+def _front_surface(cells: NDArray[np.int32], inverse_distances: Floats, shape: tuple[int, int]) -> Floats:
     """Nearness (1 / distance) of the foremost surface in each cell, 0 where there is none.
 
     Points at a like distance form a layer; a gray closing as wide as the layer's gaps fills them with the farther of
@@ -290,24 +290,24 @@ def _front_surface(cells: NDArray[np.int32], nearness: Floats, shape: tuple[int,
     is farther by the ratio of a layer: less may be the next scan line on the same surface.
     """
     front = np.zeros(shape, dtype=np.float32)
-    np.maximum.at(front.ravel(), cells, nearness)
-    near, far = float(nearness.max()), float(nearness.min())
+    np.maximum.at(front.ravel(), cells, inverse_distances)
+    near, far = float(inverse_distances.max()), float(inverse_distances.min())
     while True:
-        layer = np.flatnonzero((nearness <= near) & (nearness * LAYER_RATIO > near))
+        layer = np.flatnonzero((inverse_distances <= near) & (inverse_distances * LAYER_RATIO > near))
         if len(layer) > 1:
-            _add_layer(front, cells[layer], nearness[layer])
+            _add_layer(front, cells[layer], inverse_distances[layer])
         if near <= far * LAYER_STEP:
             return front
         # A step ends at the next point behind it, so that empty ranges cost nothing.
-        near = float(nearness[nearness <= near / LAYER_STEP].max(initial=far))
+        near = float(inverse_distances[inverse_distances <= near / LAYER_STEP].max(initial=far))
 
 
-def _add_layer(front: Floats, cells: NDArray[np.int32], nearness: Floats) -> None:
+def _add_layer(front: Floats, cells: NDArray[np.int32], inverse_distances: Floats) -> None:
     """Raise the front to the closed surface of one layer's points, and to the margin beside its end."""
     layer = np.zeros_like(front)
-    np.maximum.at(layer.ravel(), cells, nearness)
+    np.maximum.at(layer.ravel(), cells, inverse_distances)
     places = np.column_stack(np.nonzero(layer)).astype(np.float32)
-    gap = _gap(places, int(WIDEST_GAP_SHARE * np.hypot(*front.shape)))
+    gap = _gap(places, int(WIDEST_GAP_FRACTION * np.hypot(*front.shape)))
     size, reach = int(np.ceil(GAP_FACTOR * gap)), int(np.ceil(gap)) + 1
     if size <= 1:
         return

@@ -20,7 +20,7 @@ BEAM = 0.5
 """Steps from one beam to the next by which one may lie off its place and still be that one: nearer to no other."""
 
 MOSTLY = 0.95
-"""Share of the returns that must lie so near to their places: the rest are those of a moving scanner, or second
+"""Fraction of the returns that must lie so near to their places: the rest are those of a moving scanner, or second
 returns. A convention."""
 
 BACK = 0.2
@@ -341,9 +341,9 @@ def _between(turn: Turn, numbers: NDArray[np.intp]) -> Turn:
     lacking = np.maximum(np.rint(gaps / step).astype(np.int64) - 1, 0)
     owner = np.repeat(np.arange(len(ring)), lacking)
     number = np.arange(len(owner)) - np.repeat(np.cumsum(lacking) - lacking, lacking) + 1
-    share = number / (lacking[owner] + 1)
-    beside = above[owner] + share * (above[following[owner]] - above[owner])
-    turned = around[owner] + share * gaps[owner]
+    fraction = number / (lacking[owner] + 1)
+    beside = above[owner] + fraction * (above[following[owner]] - above[owner])
+    turned = around[owner] + fraction * gaps[owner]
     places = int(np.ceil(2.0 * np.pi / step))
     met = np.zeros(places, dtype=np.bool_)
     met[np.floor(np.mod(around, 2.0 * np.pi) / step).astype(np.int64) % places] = True

@@ -104,11 +104,11 @@ def _split_at_unknown(ring: Array, unknown: Marks) -> tuple[Array, Marks]:
     parts = np.maximum(np.ceil(np.hypot(*step.T) / PART_PX), 1).astype(np.int64)
     first = np.repeat(np.arange(len(ring)), parts)
     within = np.arange(len(first)) - np.repeat(np.cumsum(parts) - parts, parts)
-    share = within / parts[first]
-    marks = _is_beside(ring[first] + (share + 0.5 / parts[first])[:, None] * step[first], unknown)
+    fraction = within / parts[first]
+    marks = _is_beside(ring[first] + (fraction + 0.5 / parts[first])[:, None] * step[first], unknown)
     # Vertices stay, and parts of one edge begin where the mark changes.
     kept = (within == 0) | (marks != np.roll(marks, 1))
-    return ring[first[kept]] + share[kept, None] * step[first[kept]], marks[kept]
+    return ring[first[kept]] + fraction[kept, None] * step[first[kept]], marks[kept]
 
 
 def _is_beside(points: Array, unknown: Marks) -> Marks:

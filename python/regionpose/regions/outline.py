@@ -20,15 +20,16 @@ from regionpose import _core
 from regionpose.regions.plane_samples import plane_samples, thinned
 from regionpose.validation.arrays import Array, signed_area
 
-CONNECTED_SHARE = 0.98
-"""Share of the points that the outline has to hold together; the rest counts as stray."""
+CONNECTED_FRACTION = 0.98
+"""Fraction of the points that the outline has to hold together; the rest counts as stray."""
 
 RADIUS_FACTOR = 1.5
 """Radius of the alpha shape over the gap that has to be bridged: half of it would just touch; at 1.2 a third of lost
 returns leaves holes."""
 
-INNER_SHARE = 0.2
-"""Least share of the points that lies inside the outline for them to be samples of its area, not the outline itself."""
+INNER_FRACTION = 0.2
+"""Least fraction of the points that lies inside the outline for them to be samples of its area, not the outline
+itself."""
 
 MITRE_LIMIT = 2.0
 """Longest mitre of a grown corner over the growth: a right angle stays one, a spike is cut off."""
@@ -42,8 +43,8 @@ GROWTH_STEPS = 4
 RIGHT_ANGLE = 1e-6
 """Cosine up to which an angle counts as a right one, for lattices that are rounded."""
 
-SPARSE_SHARE = 0.05
-"""Share of the patch that samples may miss, or by which its area is uncertain, before a warning. A convention."""
+SPARSE_FRACTION = 0.05
+"""Fraction of the patch that samples may miss, or by which its area is uncertain, before a warning. A convention."""
 
 
 PACKAGE = __name__.partition(".")[0]
@@ -162,7 +163,7 @@ def _area(even: Array, rings: list[Array]) -> float | None:
     rounded = polygon.buffer(np.sqrt(np.finfo(float).eps * polygon.area))
     sample_count = int(shapely.intersects_xy(rounded, even[:, 0], even[:, 1]).sum())
     boundary = sum(map(len, rings))
-    if sample_count - boundary < INNER_SHARE * sample_count:
+    if sample_count - boundary < INNER_FRACTION * sample_count:
         return None
     return sample_count * float(polygon.area) / (sample_count - 0.5 * boundary - 1.0 + len(rings) - 1)
 
@@ -221,7 +222,7 @@ def _warn_of_few_rows(even: Array, spacing: float, shrunk: float) -> None:
     width = np.linalg.svd(even - even.mean(axis=0), full_matrices=False)[2]
     rows = round(float(np.ptp((even - even.mean(axis=0)) @ width.T, axis=0).min()) / spacing) + 1
     deviation = 1.0 / (np.sqrt(6.0) * rows)
-    if deviation > SPARSE_SHARE:
+    if deviation > SPARSE_FRACTION:
         _warn(
             f"about {rows} rows of samples, {spacing / shrunk:.2g} m apart, cross the patch: its area is known to"
             f" {100.0 * deviation:.0f} %, and parts narrower than {2.0 * spacing / shrunk:.2g} m may be missing"
@@ -233,7 +234,7 @@ def _warn_of_lost_samples(even: Array, rings: list[Array]) -> None:
     around = region.buffer(np.sqrt(region.area / len(even)))
     shapely.prepare(around)
     lost = 1.0 - float(shapely.intersects_xy(around, even[:, 0], even[:, 1]).mean())
-    if lost > SPARSE_SHARE:
+    if lost > SPARSE_FRACTION:
         _warn(
             f"{100.0 * lost:.0f} % of {len(even)} points lie outside the outline: the patch falls into parts where it"
             " is narrower than two gaps between samples"
@@ -290,7 +291,7 @@ def bridging_radius(points: Array) -> float:
 
 
 def _bridging_gap(count: int, first: NDArray[np.int32], second: NDArray[np.int32], lengths: Array) -> float:
-    """The shortest edge of a spanning tree up to which one part holds the connected share of the points."""
+    """The shortest edge of a spanning tree up to which one part holds the connected fraction of the points."""
     parent, size = np.arange(count), np.ones(count, dtype=np.int64)
 
     def root(node: int) -> int:
@@ -303,6 +304,6 @@ def _bridging_gap(count: int, first: NDArray[np.int32], second: NDArray[np.int32
         a, b = root(int(first[edge])), root(int(second[edge]))
         parent[a] = b
         size[b] += size[a]
-        if size[b] >= CONNECTED_SHARE * count:
+        if size[b] >= CONNECTED_FRACTION * count:
             return float(lengths[edge])
     return float(lengths.max())

@@ -20,7 +20,7 @@ BEND_MARGIN = 1.5
 """Bends counted for each one that is seen at the probes: the edge may bend more between them."""
 
 PROBES = (0.25, 0.5, 0.75)
-"""Shares of an edge at which its bend is looked at; the middle alone would miss one that changes sides."""
+"""Fractions of an edge at which its bend is looked at; the middle alone would miss one that changes sides."""
 
 MOST_PARTS = 1000
 """Parts of one edge at the most; an edge that bends more lies where the camera's model ends."""
@@ -62,8 +62,8 @@ def border_lines(border: Border, vertices: Array, sides: list[bool]) -> list[Arr
 
 def visible_part(camera: Camera, line: Array) -> list[Array]:
     """The longest part of a line of pixels (m, 2) along which the camera sees rays; none where it is a point."""
-    shares = np.linspace(0.0, 1.0, BORDER_SAMPLES + 1)[:-1, None]
-    samples = np.concatenate([*(a + shares * (b - a) for a, b in pairwise(line)), line[-1:]])
+    fractions = np.linspace(0.0, 1.0, BORDER_SAMPLES + 1)[:-1, None]
+    samples = np.concatenate([*(a + fractions * (b - a) for a, b in pairwise(line)), line[-1:]])
     is_visible = np.isfinite(camera.bearings(samples)).all(axis=1)
     if is_visible.all():
         return [line]
@@ -111,8 +111,8 @@ def _split_edges(camera: Camera, starts: Array, ends: Array, item: str, toleranc
         return bearings
     first = np.repeat(np.arange(len(starts)), parts)
     within = np.arange(len(first)) - np.repeat(np.cumsum(parts) - parts, parts)
-    share = (within / parts[first])[:, None]
-    return _visible(camera, starts[first] * (1.0 - share) + ends[first] * share, item)
+    fraction = (within / parts[first])[:, None]
+    return _visible(camera, starts[first] * (1.0 - fraction) + ends[first] * fraction, item)
 
 
 def _visible(camera: Camera, pixels: Array, item: str) -> Array:
@@ -132,9 +132,9 @@ def _parts_of_edges(
     normal = np.cross(bearings, ahead)
     sine = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
     sagitta = np.zeros(len(ring))
-    for share in PROBES:
-        between = _visible(camera, ring + share * (following - ring), item)
+    for fraction in PROBES:
+        between = _visible(camera, ring + fraction * (following - ring), item)
         off_arc = np.abs(np.sum(between * normal, axis=1)) / sine
-        sagitta = np.maximum(sagitta, off_arc * length / sine / (4.0 * share * (1.0 - share)))
+        sagitta = np.maximum(sagitta, off_arc * length / sine / (4.0 * fraction * (1.0 - fraction)))
     parts: Array = np.clip(np.ceil(np.sqrt(BEND_MARGIN * sagitta / tolerance)), 1, MOST_PARTS)
     return parts.astype(np.int64)

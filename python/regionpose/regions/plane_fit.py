@@ -22,7 +22,7 @@ INLIER_SIGMAS = 3.0
 REFITS = 10
 """Least squares fits to the inliers at the most; they converge in two or three."""
 
-LINE_WIDTH_SHARE = 0.15
+LINE_WIDTH_FRACTION = 0.15
 """Width over length below which the points on a plane may be one scan line, which its beams' plane holds without any
 error; range noise widens a short one to this much."""
 
@@ -32,7 +32,7 @@ WIDER = 1.3
 LINE_NOISES = 3.0
 """Noise of the plane of all points over the width of such a line at the most; outliers make it larger."""
 
-LEAST_NOISE_SHARE = 0.02
+LEAST_NOISE_FRACTION = 0.02
 """Least width over length of a line that is compared with the noise, for range noise that leaves it in its plane."""
 
 
@@ -56,7 +56,7 @@ def _is_line_of(line: Array, points: Array, plane: tuple[Array, Array, NDArray[n
     """Whether some points are a scan line of a plane that more show: narrow, no wider than its noise makes them."""
     (length, width), (whole_length, whole_width) = _extents(line), _extents(points)
     noise = float(np.std((points - plane[0]) @ plane[1][2]))
-    narrow = width < LINE_WIDTH_SHARE * length and noise < LINE_NOISES * max(width, LEAST_NOISE_SHARE * length)
+    narrow = width < LINE_WIDTH_FRACTION * length and noise < LINE_NOISES * max(width, LEAST_NOISE_FRACTION * length)
     return narrow and len(points) > len(line) and whole_width * length > WIDER * width * whole_length
 
 

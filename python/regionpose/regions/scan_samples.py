@@ -47,7 +47,7 @@ CELL_SAMPLES = 16
 
 
 LEAST_SURROUNDED = 0.5
-"""Share of the outermost returns that need a neighbor on the plane where nothing else is known to be outside: with
+"""Fraction of the outermost returns that need a neighbor on the plane where nothing else is known to be outside: with
 less the outline, which takes the rest for the region's end, knows more. A convention: most of them."""
 
 
@@ -218,7 +218,7 @@ def _informative(inside: Array, outside: Array, rings: list[Array]) -> ScanSampl
 def enclosed(inside: Array, outside: Array) -> Mask:
     """Whether each of the places (m, 2) outside a region is surrounded by those (n, 2) inside: in a hole, or a window.
 
-    Natural neighbors among those outside lead from it to none of the outermost places.
+    No path of natural neighbors among those outside connects it to one of the outermost places.
     """
     places, count = np.concatenate([inside, outside]), len(inside)
     try:
@@ -262,8 +262,8 @@ def _near_edges(places: Array, is_inside: Mask) -> NDArray[np.intp]:
         return near
     # Whole cells, so that neighbors stay neighbors.
     used = np.unique(number[near])
-    share = MOST_TRIANGULATED / len(near)
-    thinned: NDArray[np.intp] = near[np.isin(number[near], subsample(used, int(share * len(used))))]
+    fraction = MOST_TRIANGULATED / len(near)
+    thinned: NDArray[np.intp] = near[np.isin(number[near], subsample(used, int(fraction * len(used))))]
     return thinned
 
 

@@ -20,11 +20,11 @@ from regionpose.validation.arrays import (
     signed_area,
 )
 
-PLANE_SHARE = 0.01
+PLANE_FRACTION = 0.01
 """Distance of a vertex from the common plane of polygons, over their extent, up to which they count as planar."""
 
-OVERLAP_SHARE = 1e-9
-"""Share of the polygons' area up to which it may differ from the region's: rounding alone."""
+OVERLAP_FRACTION = 1e-9
+"""Fraction of the polygons' area up to which it may differ from the region's: rounding alone."""
 
 
 class TriangleMesh(Protocol):
@@ -107,7 +107,7 @@ class WorldRegion:
         region = cls._on_plane(origin, axes, [ring for rings in flat for ring in rings])
         given = sum(signed_area(outer) - sum(map(signed_area, holes)) for outer, *holes in flat)
         # Nesting decides what is a hole: a polygon inside another would become one.
-        if region.area < (1.0 - OVERLAP_SHARE) * given:
+        if region.area < (1.0 - OVERLAP_FRACTION) * given:
             raise ValueError(
                 f"polygons of {given:.6g} m^2 cover {region.area:.6g} m^2; needed ones apart from one another"
             )
@@ -285,7 +285,7 @@ class WorldRegion:
         ValueError
             For a point that is on no side, within 0.06 deg of the plane.
         """
-        return self._derived("seen_from", viewpoint)
+        return self._derived("with_viewpoint", viewpoint)
 
     @property
     def viewpoint(self) -> Array | None:
@@ -361,7 +361,7 @@ def mesh_parts(mesh: object) -> tuple[Array, NDArray[Any]]:
 
 
 def _replayed(steps: tuple[Step, ...]) -> WorldRegion:
-    """The region that steps lead to."""
+    """The region after some steps."""
     core: Any = _core.WorldRegion
     for step in steps:
         core = getattr(core, step.name)(*step.given, **step.options)
@@ -425,7 +425,7 @@ def _common_plane(parts: list[list[Array]]) -> tuple[Array, Array]:
     vertices = np.concatenate([ring for rings in parts for ring in rings])
     origin = vertices.mean(axis=0)
     axes = np.linalg.svd(vertices - origin, full_matrices=False)[2]
-    limit = PLANE_SHARE * float(np.ptp(vertices, axis=0).max())
+    limit = PLANE_FRACTION * float(np.ptp(vertices, axis=0).max())
     for index, rings in enumerate(parts):
         off = float(np.abs((np.concatenate(rings) - origin) @ axes[2]).max())
         if off > limit:

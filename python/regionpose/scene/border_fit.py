@@ -27,10 +27,10 @@ many places: a surface ends anywhere between its last point and the next."""
 
 TURNED_DEG, ROLLED_DEG, TURNED_COUNT, SEED = (1.5, 8.0), 2.0, 80, 1
 """Turns of the camera that a border is compared at: across the optical axis, about it, how many, and their seed. They
-lead to like parts of the photo, farther than a side is moved."""
+project to similar parts of the photo, farther than a side is moved."""
 
 LEAST_IN_VIEW = 0.5
-"""Share of a border's pieces that a turned camera sees at the least."""
+"""Fraction of a border's pieces that a turned camera sees at the least."""
 
 LEAST_TURNED = 20
 """Turned cameras that see so much of it at the least: a rank of one in ten is known then."""
@@ -47,10 +47,10 @@ mean of what sides find elsewhere in a photo, and a third of what the strongest 
 class BorderFit:
     """The sides of a border on the edges of a photo.
 
-    `offsets` (n, 2): how far the start and the end of each side are moved outward, pixels that are looked at. `ratios`
-    (n,): the mean log likelihood ratio along each then. `score`: the sum of log ratios along the border, each side
-    being moved to where it is largest; `turned` (t,): the same at turned poses, NaN where these see too little of it.
-    `pieces`: how many pieces it has.
+    `offsets` (n, 2): how far the start and the end of each side are moved outward, pixels of the reduced photo.
+    `ratios` (n,): the mean log likelihood ratio along each then. `score`: the sum of log ratios along the border, each
+    side being moved to where it is largest; `turned` (t,): the same at turned poses, NaN where these see too little of
+    it. `pieces`: how many pieces it has.
     """
 
     border: Border
@@ -72,7 +72,7 @@ class BorderFit:
 
     @cached_property
     def edge_fraction(self) -> float:
-        """Share of the border where the photo shows an edge."""
+        """Fraction of the border where the photo shows an edge."""
         return float(self.has_edge[self.border.pieces.sides].mean())
 
     @cached_property
@@ -126,8 +126,8 @@ def rank_log_odds(score: float, null_scores: Array) -> float:
     scores by chance one in ten has odds of 9 to 1 or more.
     """
     finite = null_scores[np.isfinite(null_scores)]
-    share = (1.0 + np.count_nonzero(finite >= score)) / (1.0 + len(finite))
-    return float(np.log((1.0 - share) / share)) if share < 1.0 else -np.inf
+    fraction = (1.0 + np.count_nonzero(finite >= score)) / (1.0 + len(finite))
+    return float(np.log((1.0 - fraction) / fraction)) if fraction < 1.0 else -np.inf
 
 
 def _turned(photo: Photo, camera: Camera, pieces: Pieces) -> Iterator[Pieces]:
@@ -155,8 +155,8 @@ def _score(photo: Photo, spread_px: float, pieces: Pieces, count: int, reach: fl
     some alone; NaN where it shows too few.
     """
     _, sums, is_inside = _best(photo, spread_px, pieces, count, reach)
-    share = float(np.mean(is_inside))
-    return float(sums.sum()) / share if share >= LEAST_IN_VIEW else float("nan")
+    fraction = float(np.mean(is_inside))
+    return float(sums.sum()) / fraction if fraction >= LEAST_IN_VIEW else float("nan")
 
 
 def _best(photo: Photo, spread_px: float, pieces: Pieces, count: int, reach: float) -> tuple[Array, Array, Flags]:

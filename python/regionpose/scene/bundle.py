@@ -197,15 +197,15 @@ def _region_pictures(run: SceneEstimate) -> dict[str, Figure]:
     if run.local_initial is not None:
         before = overlay_of(run, run.local_initial, run.errors_before)
         made[BEFORE] = Figure(before, "Before: the 3D regions (orange) projected with the scene's initial pose.")
-    shares = [float("nan") if fit is None else fit.share for fit in run.sample_fits]
-    after = overlay_of(run, run.local_pose, run.estimate.diagnostics.region_overlap_errors, shares)
+    fractions = [float("nan") if fit is None else fit.consistent_fraction for fit in run.sample_fits]
+    after = overlay_of(run, run.local_pose, run.estimate.diagnostics.region_overlap_errors, fractions)
     word = "After: each" if made else "Each"
     caption = f"{word} region's outline in the image (blue) and its 3D region projected with the pose (orange)."
     caption += " Beside the names: the overlap error."
-    if np.isfinite(shares).any():
+    if np.isfinite(fractions).any():
         caption += (
-            " Of regions known by samples: the share of these on their side of the outline; dots are the others, orange"
-            " ones belong within, white ones beyond."
+            " Of regions given as samples: the fraction of these on their side of the outline; dots are the others,"
+            " orange ones belong within, white ones beyond."
         )
     made[OVERLAY] = Figure(after, caption)
     return made
@@ -215,12 +215,12 @@ def overlay_of(
     run: SceneEstimate,
     pose: Pose,
     errors: Sequence[float] | NDArray[np.float64],
-    shares: Sequence[float] = (),
+    fractions: Sequence[float] = (),
 ) -> Colors:
-    """The image with both sides of each region at a pose, and their overlap errors, or shares of samples instead."""
+    """The image with both sides of each region at a pose, and their overlap errors, or fractions of samples instead."""
     sides = run.sides
     regions = [side.region for side in sides.world_sides]
-    ranking = np.where(np.isfinite(shares), shares, errors) if len(shares) else np.asarray(errors)
+    ranking = np.where(np.isfinite(fractions), fractions, errors) if len(fractions) else np.asarray(errors)
     labels = [
         f"{name}  {100.0 * value:.1f} %" if np.isfinite(value) else name
         for name, value in zip(sides.names, ranking, strict=True)

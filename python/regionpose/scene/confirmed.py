@@ -34,10 +34,11 @@ LEAST_LOG_ODDS = float(np.log(9.0))
 
 LEAST_HELD = 0.02
 """Least that shown sides determine of a border's place and size (`BorderFit.held`): a convention, a twenty-fifth of a
-circle that is shown all around. Two sides that meet in a corner determine less: size and place are one then."""
+circle that is shown all around. Two sides that meet in a corner determine less: size and place are not separable
+then."""
 
 LEAST_SHOWN = 0.1
-"""Share of a border that is shown at the least."""
+"""Fraction of a border that is shown at the least."""
 
 PARALLEL_SINE = 0.35
 """Sine of the angle between two sides below which they have no corner: 20 degrees."""
@@ -60,7 +61,7 @@ class ConfirmedRegion(KeptArrays):
     log_odds : float
         Logarithm of the odds that the border lies on edges of the photo by more than chance.
     edge_fraction : float
-        Share of the border where the photo shows an edge.
+        Fraction of the border where the photo shows an edge.
     """
 
     name: str
@@ -129,7 +130,7 @@ def confirmed_regions(
     planes : sequence of (n,) arrays of int, optional
         Indices of the planes' points, as of `find_planes`; by default those of the points in view.
     progress : callable, optional
-        Called with the share of the work that is done, 0 to 1.
+        Called with the fraction of the work that is done, 0 to 1.
 
     Returns
     -------
@@ -141,12 +142,12 @@ def confirmed_regions(
         For a frame without `image` or `points`, for arrays of another shape, for an image of another size than the
         camera's, and for indices that are no points of the cloud.
     """
-    seen = PhotoCloud.of(camera, frame)
-    return confirmed_of(seen, pose, sensor_origin=sensor_origin, planes=planes, progress=progress)
+    photo_cloud = PhotoCloud.of(camera, frame)
+    return confirmed_of(photo_cloud, pose, sensor_origin=sensor_origin, planes=planes, progress=progress)
 
 
 def confirmed_of(
-    seen: PhotoCloud,
+    photo_cloud: PhotoCloud,
     pose: Pose,
     *,
     sensor_origin: ArrayLike | None = None,
@@ -154,8 +155,9 @@ def confirmed_of(
     progress: Progress | None = None,
 ) -> ConfirmedRegions:
     """As `confirmed_regions`, of a frame that was checked before."""
-    scanner, points = None if sensor_origin is None else finite_array(sensor_origin, "sensor_origin", (3,)), seen.points
-    view, report = View(seen, pose, scanner), progress or (lambda share: None)
+    scanner = None if sensor_origin is None else finite_array(sensor_origin, "sensor_origin", (3,))
+    points = photo_cloud.points
+    view, report = View(photo_cloud, pose, scanner), progress or (lambda fraction: None)
     if planes is None:
         near = points[view.numbers]
         found = find_planes(near, progress=part(progress, 0.0, 0.8)) if len(near) >= 3 else []
@@ -241,8 +243,8 @@ def region_check(
 ) -> RegionCheck:
     """The check of a pose by edges; `frames` and `sensor_origin` as of `calibrate`, which found it."""
     planes = tuple(
-        None if frame is None else confirmed_of(frame, found.pose, sensor_origin=sensor_origin, progress=share)
-        for frame, share in with_progress(frames, progress)
+        None if frame is None else confirmed_of(frame, found.pose, sensor_origin=sensor_origin, progress=fraction)
+        for frame, fraction in with_progress(frames, progress)
     )
     prior = None if found.diagnostics.edges is None else found.diagnostics.edges.prior
     estimate = region_pose(camera, [own for own in planes if own is not None], prior, solver)

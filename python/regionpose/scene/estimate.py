@@ -46,8 +46,8 @@ class SceneEstimate:
     """The pose of a scene's camera in the world of its clouds, and what it came from.
 
     `scene`: the whole of it. `frames`: the photos and clouds, one unless the scene has several. `estimate`: of all
-    their regions, frame after frame, with what frames and edges say. `seconds` per stage. `regions_found`: the planes
-    that photos confirm at a pose by edges alone; None of others.
+    their regions, frame after frame, with the diagnostics of frames and edges. `seconds` per stage. `regions_found`:
+    the planes that photos confirm at a pose by edges alone; None of others.
     """
 
     scene: Scene
@@ -91,8 +91,8 @@ class SceneEstimate:
 
     @property
     def alignments(self) -> tuple[Alignment | None, ...]:
-        """How well photo and cloud of each frame agree; None of a frame without a cloud, or where that was not looked
-        at.
+        """How well photo and cloud of each frame agree; None of a frame without a cloud, or where they were not
+        compared.
         """
         edges = self.estimate.diagnostics.edges
         found = iter(() if edges is None else edges.alignments)
@@ -127,7 +127,7 @@ class SceneEstimate:
 
     @property
     def sample_fits(self) -> tuple[SampleFit | None, ...]:
-        """On which sides of its contour each region's samples are seen at the estimate; None where it has none."""
+        """On which sides of its contour each region's samples project at the estimate; None where it has none."""
         pairs = zip(*_regions(self.frames), strict=True)
         return tuple(sample_fit(self.camera, image, world, self.local_pose) for image, world in pairs)
 
@@ -174,7 +174,7 @@ def estimate_scene(scene: Scene, stages: Stages | None = None) -> SceneEstimate:
     scene : Scene
         As of `load_scene`.
     stages : Stages, optional
-        Told when each stage of the run begins; keeps the seconds of each.
+        Reports each stage of the run when it begins; keeps the seconds of each.
 
     Raises
     ------
@@ -233,7 +233,7 @@ def estimate_edges(
 
 
 def _edges_of(estimate: PoseEstimate) -> EdgeDiagnostics:
-    """What edges say of an estimate by them."""
+    """The diagnostics of an estimate by edges."""
     assert estimate.diagnostics.edges is not None
     return estimate.diagnostics.edges
 
@@ -244,7 +244,7 @@ def _by_edges(frames: Sequence[SceneData], stages: Stages) -> PoseEstimate:
 
 
 def estimate_regions(scene: Scene, given: Sequence[SceneData], stages: Stages | None = None) -> SceneEstimate:
-    """The one pose of all frames by their regions alone, before edges are looked at; errors as above."""
+    """The one pose of all frames by their regions alone, before edges are compared; errors as above."""
     stages = stages or Stages()
     frames = tuple(_matched(sides, stages, frame_label(sides.scene, k, len(given))) for k, sides in enumerate(given))
     with stages.stage("pose"):
@@ -252,7 +252,7 @@ def estimate_regions(scene: Scene, given: Sequence[SceneData], stages: Stages | 
 
 
 def frame_label(frame: Scene, index: int, count: int) -> str:
-    """Which of several frames this is, for who waits; nothing of a scene of one photo."""
+    """Which of several frames this is, for the progress; nothing of a scene of one photo."""
     return f"frame {index + 1} of {count}, {frame.name}" if frame.name else ""
 
 
@@ -269,7 +269,7 @@ def _matched(sides: SceneData, stages: Stages, which: str) -> SceneData:
 def _run(
     scene: Scene, frames: tuple[SceneData, ...], seconds: dict[str, float], nearest: Pose | None = None
 ) -> SceneEstimate:
-    """The run by the regions alone; with the answer first that is nearest to a pose, if one is given."""
+    """The run by the regions alone; with the solution first that is nearest to a pose, if one is given."""
     prior = _region_prior(frames)
     if nearest is not None:
         prior = prior.started_at(nearest)
@@ -283,7 +283,7 @@ def _run(
 
 
 def uses_edges(run: SceneEstimate) -> bool:
-    """Whether edges are to be looked at: the scene wants it, and there is a cloud."""
+    """Whether edges are to be compared: the scene wants it, and there is a cloud."""
     return run.scene.model.solver.edges and any(sides.cloud is not None for sides in run.frames)
 
 
@@ -319,7 +319,7 @@ def with_edges(run: SceneEstimate, stages: Stages | None = None) -> SceneEstimat
 def _calibrated(
     frames: Sequence[SceneData], regions: RegionEvidence | None, prior: Prior, solver: Solver, stages: Stages
 ) -> PoseEstimate:
-    """What edges say, with regions or without, about the local origin."""
+    """The estimate by edges, with regions or without, about the local origin."""
     origin, scanner = frames[0].origin, _scanner(frames)
     photos = [frame for frame in photo_clouds(frames) if frame is not None]
     place = None if scanner is None else scanner.place - origin
@@ -348,7 +348,7 @@ def _frame(sides: SceneData, cloud: Cloud) -> Frame:
 
 
 def _explained(action: Callable[[], Value], frames: Sequence[SceneData]) -> Value:
-    """What `action` returns; its errors say what spoke against the regions beforehand, too: often the cause."""
+    """What `action` returns; its errors list the warnings from before the pose, too: often the cause."""
     try:
         return action()
     except ValueError as error:
@@ -359,13 +359,13 @@ def _explained(action: Callable[[], Value], frames: Sequence[SceneData]) -> Valu
 
 
 def _warnings(frames: Sequence[SceneData]) -> tuple[PoseWarning, ...]:
-    """What spoke against cameras, clouds and regions beforehand, once each, by the regions' places among all."""
+    """Warnings on cameras, clouds and regions from before the pose, once each, by the regions' places among all."""
     found: dict[tuple[str, str], PoseWarning] = {}
     names, before = _names(frames), 0
     for sides in frames:
         for warning in sides.warnings:
-            moved = replace(warning, regions=tuple(before + index for index in warning.regions))
-            found.setdefault((moved.code, moved.text_with(names)), moved)
+            shifted = replace(warning, regions=tuple(before + index for index in warning.regions))
+            found.setdefault((shifted.code, shifted.text_with(names)), shifted)
         before += len(sides.names)
     return tuple(found.values())
 
@@ -396,7 +396,7 @@ def _rebased(estimate: PoseEstimate, origin: Array) -> PoseEstimate:
 
 
 def _rebased_edges(edges: EdgeDiagnostics, origin: Array) -> EdgeDiagnostics:
-    """What edges say for points about an origin (3,)."""
+    """The diagnostics of edges for points about an origin (3,)."""
     return replace(
         edges,
         prior=edges.prior.rebase(origin),

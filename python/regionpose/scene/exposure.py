@@ -101,9 +101,9 @@ def scene_sides(scene: Scene, stages: Stages | None = None, *, origin: Array | N
         imaged = with_progress(_imaged(scene), stages.progress)
         images = [image_side(scene, (*one.place, "image"), one.image, image) for one, _ in imaged]
     with stages.stage("world regions"):
-        scan, paired, share = Scan.of(cloud, center, scanner), scene.model.regions, _share_of_pairs(scene)
-        sides = _world_sides(scene, "regions", paired, scan, part(stages.progress, 0.0, share))
-        world_names, worlds = _unpaired_worlds(scene, scan, part(stages.progress, share, 1.0))
+        scan, paired, fraction = Scan.of(cloud, center, scanner), scene.model.regions, _fraction_of_pairs(scene)
+        sides = _world_sides(scene, "regions", paired, scan, part(stages.progress, 0.0, fraction))
+        world_names, worlds = _unpaired_worlds(scene, scan, part(stages.progress, fraction, 1.0))
     names, count = tuple(one.name for one in _imaged(scene)), len(paired)
     unpaired = Unpaired(names[count:], tuple(images[count:]), world_names, worlds)
     regions = (names[:count], tuple(images[:count]), sides, unpaired)
@@ -124,8 +124,8 @@ def _imaged(scene: Scene) -> list[Imaged]:
     return [Imaged(one.place, one.name, one.image) for one in named_regions(scene) if one.image is not None]
 
 
-def _share_of_pairs(scene: Scene) -> float:
-    """The share of the world regions that are those of pairs, for who waits; planes count as one."""
+def _fraction_of_pairs(scene: Scene) -> float:
+    """The fraction of the world regions that are those of pairs, for the progress; planes count as one."""
     pairs, world_regions = len(scene.model.regions), scene.model.world_regions
     return pairs / max(1, pairs + (len(world_regions) if isinstance(world_regions, list) else 1))
 

@@ -15,7 +15,7 @@ from regionpose.io.yaml_text import to_yaml
 from regionpose.scene.document import Document, Place, SceneError, described, document_of, read_document
 from regionpose.scene.loading import Scene, scene_of
 from regionpose.scene.models import PLANES
-from regionpose.scene.paths import moved, relative
+from regionpose.scene.paths import rebased, relative
 
 Values = dict[str, Any]
 
@@ -218,7 +218,7 @@ def _shared(folder: Path, pairs: Sequence[Pair], out: Path, options: FolderOptio
     values: Values = {}
     sources: Sources = {}
     if options.camera is not None:
-        values["camera"] = moved({"camera": options.camera}, Path(), out)["camera"]
+        values["camera"] = rebased({"camera": options.camera}, Path(), out)["camera"]
         named = options.camera if isinstance(options.camera, str) else options.camera["file"]
         sources["camera",] = Source(Path(named))
     if options.prior:
@@ -245,7 +245,7 @@ def _calibration(folder: Path) -> Path:
 
 def _share(document: Document, values: Values, sources: Sources, out: Path, given: set[str]) -> None:
     """Add the values that a pair's scene file gives for all pairs; SceneError where two files differ."""
-    given_values: Values = moved(document.value, document.path.parent, out)
+    given_values: Values = rebased(document.value, document.path.parent, out)
     for key in (key for key in SHARED if key in given_values and key not in given):
         if key in values and values[key] != given_values[key]:
             other = sources[key,].file
@@ -274,7 +274,7 @@ def _frame(pair: Pair, out: Path, options: FolderOptions, *, by_edges: bool) -> 
     if pair.document is not None:
         _check_photo(pair, pair.document)
         _check_cloud(pair, pair.document)
-        own: Values = moved(pair.document_values, pair.document.path.parent, out)
+        own: Values = rebased(pair.document_values, pair.document.path.parent, out)
         for key in own.keys() - {*SHARED, "image", "name"}:
             values[key], sources[key,] = own[key], Source(pair.document, (key,))
     if not by_edges and not pair.document_values.get("regions") and not pair.document_values.get("image_regions"):

@@ -30,8 +30,8 @@ def headline(run: SceneEstimate) -> str:
 
 def limits(run: SceneEstimate) -> tuple[float, float]:
     """The largest standard deviations of a trusted pose: degrees, meters."""
-    most_deg, share = scene_solver(run.scene).limits
-    return most_deg, share * run.estimate.diagnostics.distance_m
+    most_deg, fraction = scene_solver(run.scene).limits
+    return most_deg, fraction * run.estimate.diagnostics.distance_m
 
 
 def _count(count: int, what: str) -> str:
@@ -48,21 +48,21 @@ def _limits(run: SceneEstimate) -> str:
 
 
 def _by_edges(run: SceneEstimate) -> str:
-    """What the edges of photo and cloud did to the regions' pose: chose it among answers, refined it."""
+    """What the edges of photo and cloud did to the regions' pose: chose it among solutions, refined it."""
     edges = run.estimate.diagnostics.edges
     if edges is None or edges.regions_only is None:
         return ""
     before = edges.regions_only
     rank, count = before.rank, 1 + len(before.estimate.diagnostics.alternatives)
     if rank is None:
-        return "; edges of photo and cloud lead to a pose that the regions alone do not have"
+        return "; edges of photo and cloud give a pose that the regions alone do not have"
     parts = []
     ambiguous = any(warning.code == WarningCode.AMBIGUOUS_POSE for warning in run.estimate.warnings)
     if rank > 1 or (count > 1 and not ambiguous):
         parts.append(f"chosen among {count} poses by edges of photo and cloud")
     if before.is_refined:
-        moved = f"{angle_text(before.rotation_deg)}, {length_text(before.shift_m)}"
-        parts.append(f"refined by edges of photo and cloud: {moved}")
+        change = f"{angle_text(before.rotation_deg)}, {length_text(before.shift_m)}"
+        parts.append(f"refined by edges of photo and cloud: {change}")
     return "".join(f"; {part}" for part in parts)
 
 
@@ -86,6 +86,6 @@ def _fit(run: SceneEstimate) -> str:
         return f"{edges} lie on those of {_photos(run)} at this pose, by odds of e^{log_odds:.0f} to 1 against chance"
     fit = scene_fit(run)
     if fit.on_their_side is None:
-        share = 100.0 * fit.overlap_error
-        return f"The projected regions differ from the observed ones by {share:.2f} % of their area"
+        fraction = 100.0 * fit.overlap_error
+        return f"The projected regions differ from the observed ones by {fraction:.2f} % of their area"
     return f"Of the scan's samples {100.0 * fit.on_their_side:.1f} % lie on their side of the observed outlines"

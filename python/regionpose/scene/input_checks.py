@@ -23,16 +23,16 @@ from regionpose.validation.arrays import Array
 
 Region = TypeVar("Region", ImageRegion, WorldRegion)
 
-SAME_SHARE = 0.9
+SAME_FRACTION = 0.9
 """Intersection over union above which two regions are taken for one: a frame of a fortieth of the width around a square
 leaves as much, and few things are framed by less."""
 
-SAME_PLANE_SHARE = 0.1
+SAME_PLANE_FRACTION = 0.1
 """Distance of a world region from another's plane, over the root of its area, up to which both may be one: what
-`SAME_SHARE` leaves free in the plane, across it."""
+`SAME_FRACTION` leaves free in the plane, across it."""
 
-LEAK_SHARE = 0.5
-"""Share of the photo that a mask covers when it may have leaked: most of it. Of clicks on 37 faces of 25 real photos
+LEAK_FRACTION = 0.5
+"""Fraction of the photo that a mask covers when it may have leaked: most of it. Of clicks on 37 faces of 25 real photos
 five masks get the warning, with the sides below; all have leaked, to an overlap of less than a tenth with the face."""
 
 LEAK_SIDES = 3
@@ -51,7 +51,7 @@ LEAST_EXTENT = 1000.0
 """Diagonal of a cloud, in its unit, below which such a spacing means few points; in millimeters this is 1 m."""
 
 MIDDLE_THIRD = (1.0 / 3.0, 2.0 / 3.0)
-"""Where in the photo, as a share of each side, the optical axis is looked for. Of a photo made smaller or larger by
+"""Where in the photo, as a fraction of each side, the optical axis is looked for. Of a photo made smaller or larger by
 half and more than the calibrated one it is elsewhere; cameras have it within a twentieth of the middle."""
 
 CIRCLE_ANGLE = math.radians(60.0)
@@ -134,8 +134,8 @@ def _odd_center(camera: Camera, image_shape: tuple[int, int]) -> Iterator[PoseWa
         return
     center = camera.project([[0.0, 0.0, 1.0]])[0]
     height, width = image_shape
-    share = (center + 0.5) / np.array([width, height])
-    if (share >= MIDDLE_THIRD[0]).all() and (share <= MIDDLE_THIRD[1]).all():
+    fraction = (center + 0.5) / np.array([width, height])
+    if (fraction >= MIDDLE_THIRD[0]).all() and (fraction <= MIDDLE_THIRD[1]).all():
         return
     x, y = center.tolist()
     values = {"width_px": width, "height_px": height, "x_px": x, "y_px": y}
@@ -155,7 +155,7 @@ def _folding(camera: Camera, image_shape: tuple[int, int]) -> Iterator[PoseWarni
     unique = (back <= COMES_BACK_PX) & (angles <= camera.max_angle)
     if unique.all():
         return
-    values = {"angle_deg": math.degrees(camera.max_angle), "pixel_share": float(np.mean(~unique))}
+    values = {"angle_deg": math.degrees(camera.max_angle), "pixel_fraction": float(np.mean(~unique))}
     yield PoseWarning(WarningCode.NON_INVERTIBLE_DISTORTION, values=values)
 
 
@@ -203,15 +203,15 @@ def _coincident(
 ) -> Iterator[PoseWarning]:
     """A warning for each two regions that are one."""
     for first, second in combinations(range(len(regions)), 2):
-        share = _overlap_share(regions[first], regions[second], overlap)
-        if share > SAME_SHARE:
-            yield PoseWarning(WarningCode.DUPLICATE_REGIONS, (first, second), {"side": side, "share": share})
+        fraction = _overlap_fraction(regions[first], regions[second], overlap)
+        if fraction > SAME_FRACTION:
+            yield PoseWarning(WarningCode.DUPLICATE_REGIONS, (first, second), {"side": side, "fraction": fraction})
 
 
-def _overlap_share(first: Region, second: Region, overlap: Callable[[Region, Region], float]) -> float:
-    """Intersection over union; 0 without work where the areas alone rule out `SAME_SHARE`."""
+def _overlap_fraction(first: Region, second: Region, overlap: Callable[[Region, Region], float]) -> float:
+    """Intersection over union; 0 without work where the areas alone rule out `SAME_FRACTION`."""
     small, large = sorted((first.area, second.area))
-    if small <= SAME_SHARE * large:
+    if small <= SAME_FRACTION * large:
         return 0.0
     shared = overlap(first, second)
     return shared / (small + large - shared)
@@ -226,7 +226,7 @@ def _world_overlap(first: WorldRegion, second: WorldRegion) -> float:
     origin, axes = first.core.origin, first.core.axes
     flat, laid = ([(ring - origin) @ axes.T for ring in region.rings] for region in (first, second))
     height = max(float(np.abs(ring[:, 2]).max()) for ring in laid)
-    if height > SAME_PLANE_SHARE * np.sqrt(first.area):
+    if height > SAME_PLANE_FRACTION * np.sqrt(first.area):
         return 0.0
     return _shared_area([ring[:, :2] for ring in flat], [ring[:, :2] for ring in laid])
 
@@ -248,10 +248,10 @@ def _leaks(index: int, region: ImageRegion, image_shape: tuple[int, int] | None)
     height, width = region.mask.shape if image_shape is None else image_shape
     (rows, columns), (left, top) = region.mask.size, region.mask.offset
     sides = sum((left == 0, top == 0, left + columns == width, top + rows == height))
-    share = region.area / (width * height)
-    if share <= LEAK_SHARE and sides < LEAK_SIDES:
+    fraction = region.area / (width * height)
+    if fraction <= LEAK_FRACTION and sides < LEAK_SIDES:
         return
-    yield PoseWarning(WarningCode.LEAKED_MASK, (index,), {"share": share, "sides": sides})
+    yield PoseWarning(WarningCode.LEAKED_MASK, (index,), {"fraction": fraction, "sides": sides})
 
 
 def _odd_unit(regions: Sequence[WorldRegion]) -> Iterator[PoseWarning]:

@@ -180,7 +180,7 @@ class ImageMask(Item):
     )
     coverage: bool = Field(
         False,
-        description="the file is a gray picture: each pixel's level over the largest is the share that is covered",
+        description="the file is a gray picture: each pixel's level over the largest is the fraction that is covered",
     )
     unknown: FileName | None = Field(
         None, description="a file of the same kinds: pixels that may be the region's or not, such as an occluder's"

@@ -22,8 +22,8 @@ from regionpose.validation.arrays import Array
 from regionpose.viz.projections import projected_rings
 
 LEAST_WITHIN = 0.5
-"""Share of a projected plane that lies in the image region of its pair: a convention, most of it. Scans show the lower
-part of a house's wall, so that the two may share a sixth of their union."""
+"""Fraction of a projected plane that lies in the image region of its pair: a convention, most of it. Scans show the
+lower part of a house's wall, so that the two may share a sixth of their union."""
 
 NEAR_DEG, NEAR_M = 1.0, 0.3
 """Standard deviations of what pairs by overlap leave the pose: conventions, within which a pose by edges counts as

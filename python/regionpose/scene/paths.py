@@ -10,16 +10,16 @@ FILE_KEYS = {"camera", "image", "cloud", "file", "mask", "unknown", "points", "m
 """Keys of a scene file under which text is a path; but for the image within a COCO file, beside `mask`."""
 
 
-def moved(node: Any, source: Path, folder: Path) -> Any:
+def rebased(node: Any, source: Path, folder: Path) -> Any:
     """Values of a scene file in the folder `source` with their paths relative to another folder."""
     if isinstance(node, list):
-        return [moved(value, source, folder) for value in node]
+        return [rebased(value, source, folder) for value in node]
     if not isinstance(node, dict):
         return node
     values = {}
     for key, value in node.items():
         is_path = key in FILE_KEYS and isinstance(value, str) and not (key == "image" and "mask" in node)
-        values[key] = relative(source / value, folder) if is_path else moved(value, source, folder)
+        values[key] = relative(source / value, folder) if is_path else rebased(value, source, folder)
     return values
 
 

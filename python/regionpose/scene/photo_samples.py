@@ -22,9 +22,9 @@ THUMBNAIL_PX = 320
 EDGE_LEVELS = 8.0
 """A gradient of a thumbnail, of 256 levels a pixel, from which on it is an edge: above noise and shading."""
 
-STILL_SHARE, STILL_FACTOR = 0.25, 2.0
-"""Photos of a part among which the number of edges chooses: those that move at most so many times as much as this share
-of them does. Conventions; noise alone differs by less."""
+STILL_FRACTION, STILL_FACTOR = 0.25, 2.0
+"""Photos of a part among which the number of edges chooses: those that move at most so many times as much as this
+fraction of them does. Conventions; noise alone differs by less."""
 
 LEAST_CHANGE = 1e-6
 """Levels; far less than noise."""
@@ -32,12 +32,12 @@ LEAST_CHANGE = 1e-6
 
 class PhotoSample(NamedTuple):
     """A sampled photo: its place among all photos, how fast the next one differs from it (levels a second),
-    the share of its pixels that are edges, and by how many levels it differs from the sample before.
+    the fraction of its pixels that are edges, and by how many levels it differs from the sample before.
     """
 
     photo: int
     change_rate: float
-    edge_share: float
+    edge_fraction: float
     changed: float
 
 
@@ -82,12 +82,12 @@ class PhotoSampler:
         return list(self._found)
 
     def _close(self, pending: _Pending, change_rate: float) -> None:
-        self._found.append(PhotoSample(pending.photo, change_rate, _edge_share(pending.thumbnail), pending.changed))
+        self._found.append(PhotoSample(pending.photo, change_rate, _edge_fraction(pending.thumbnail), pending.changed))
         self._open = None
 
 
 def select_photos(samples: Sequence[PhotoSample], motion: Array, count: int) -> list[int]:
-    """Return the places of at most `count` samples, one of each part with an equal share of all change.
+    """Return the places of at most `count` samples, one of each part with an equal fraction of all change.
 
     Of a part's samples with little `motion` (n,) the one with the most edges. Parts of equal change, not of equal
     time: a rig that stands for long shows one place.
@@ -102,8 +102,8 @@ def select_photos(samples: Sequence[PhotoSample], motion: Array, count: int) -> 
     parts = np.minimum(parts, len(samples) - count + steps)
     chosen = []
     for part in np.split(np.arange(len(samples)), parts):
-        still = part[motion[part] <= STILL_FACTOR * np.quantile(motion[part], STILL_SHARE, method="lower")]
-        chosen.append(int(max(still, key=lambda index: samples[index].edge_share)))
+        still = part[motion[part] <= STILL_FACTOR * np.quantile(motion[part], STILL_FRACTION, method="lower")]
+        chosen.append(int(max(still, key=lambda index: samples[index].edge_fraction)))
     return chosen
 
 
@@ -120,8 +120,8 @@ def _difference(first: Thumbnail, second: Thumbnail) -> float:
     return float(np.abs(first - second).mean()) if first.shape == second.shape else 255.0
 
 
-def _edge_share(thumbnail: Thumbnail) -> float:
-    """The share of pixels at which the gradient is an edge's."""
+def _edge_fraction(thumbnail: Thumbnail) -> float:
+    """The fraction of pixels at which the gradient is an edge's."""
     if min(thumbnail.shape) < 2:
         return 0.0
     down, across = np.gradient(thumbnail)

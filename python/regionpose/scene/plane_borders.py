@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from regionpose.alignment.photo_cloud import PhotoCloud
-from regionpose.alignment.views import EDGE_SHARE, cell_and_gap, half_field, pixel_angle
+from regionpose.alignment.views import EDGE_FRACTION, cell_and_gap, half_field, pixel_angle
 from regionpose.geometry.pose import Pose
 from regionpose.regions.outline import sparse_sampling_handler
 from regionpose.regions.world import WorldRegion
@@ -24,7 +24,7 @@ Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 MARGIN_DEG = 5.0
-"""Points so far beside the photo are looked at, too: planes go on there."""
+"""Points so far beside the photo are used, too: planes go on there."""
 
 PIECE_PX = 2.0
 """Length of a border's pieces: the finest spread of edges."""
@@ -35,13 +35,14 @@ NEIGHBORS = 5
 CONE = 0.5
 """Cosine of the angle from the outward normal within which a point lies beside a piece."""
 
-UNSEEN_PX = -1e9
+OUT_OF_VIEW_PX = -1e9
 """Place of points that the camera does not see."""
 
-BEFORE_SHARE = 0.3 * EDGE_SHARE
-"""A point hides a border from this share before its plane on: parked cars stand nearer to walls than a step is deep."""
+BEFORE_FRACTION = 0.3 * EDGE_FRACTION
+"""A point hides a border from this fraction before its plane on: parked cars stand nearer to walls than a step is
+deep."""
 
-MEETS_SHARE, MEETS_M = 0.01, 0.1
+MEETS_FRACTION, MEETS_M = 0.01, 0.1
 """Distance from another plane, over that from the camera and in meters, within which a border lies on it, too."""
 
 STRAIGHT_GAPS = 0.5
@@ -49,7 +50,7 @@ STRAIGHT_GAPS = 0.5
 lines are stairs of half a gap."""
 
 LEAST_SIDE_PX = 12.0
-"""Square root of the area of the smallest plane that is looked at: beside a gap between neighbors, what has a shape."""
+"""Square root of the area of the smallest plane that is tested: beside a gap between neighbors, what has a shape."""
 
 
 class Pieces(NamedTuple):
@@ -68,7 +69,7 @@ class Pieces(NamedTuple):
 
 
 class Border(NamedTuple):
-    """The border of a plane in the photo: its ring (n, 2), counter-clockwise in (x, y), pixels that are looked at.
+    """The border of a plane in the photo: its ring (n, 2), counter-clockwise in (x, y), pixels of the reduced photo.
 
     For each side (n,), from a vertex to the next: whether the surface ends there, rather than the photo, the scan, or
     the view of it; and whether the photo does.
@@ -151,7 +152,7 @@ class View:
         """The places of the points in view, far beside the photo where the camera does not see them."""
         photo = self.frame.photo
         places = photo.places(self.frame.camera.project(self.pose.transform(self.frame.points[self.numbers])))
-        return cKDTree(np.where(np.isfinite(places).all(axis=1, keepdims=True), places, UNSEEN_PX))
+        return cKDTree(np.where(np.isfinite(places).all(axis=1, keepdims=True), places, OUT_OF_VIEW_PX))
 
     def border(self, surface: Outline, other_surfaces: Sequence[Outline]) -> Border | None:
         """The border of a plane; None where the photo shows too little of it.
@@ -220,16 +221,16 @@ class View:
         beyond = self._on_plane(surface, pieces.places + pieces.normals)
         finite = np.flatnonzero(np.isfinite(border).all(axis=1) & np.isfinite(beyond).all(axis=1))
         border, beyond = border[finite], beyond[finite]
-        near = MEETS_M + MEETS_SHARE * np.linalg.norm(border - self.pose.camera_center, axis=1)
+        near = MEETS_M + MEETS_FRACTION * np.linalg.norm(border - self.pose.camera_center, axis=1)
         points = self.frame.points[self.numbers]
         # Points on a plane that the border lies on neither hide it nor leave it open.
         own_heights = np.abs(surface.heights(points))
         met = [(np.abs(other.heights(border)) <= near, np.abs(other.heights(points))) for other in other_surfaces]
         along = surface.along(points, self._scanner)
-        behind = (along > 1.0 + EDGE_SHARE) | (along < 0.0)
-        before = (along >= 0.0) & (along < 1.0 - BEFORE_SHARE)
+        behind = (along > 1.0 + EDGE_FRACTION) | (along < 0.0)
+        before = (along >= 0.0) & (along < 1.0 - BEFORE_FRACTION)
         covers = surface.along(points, self.pose.camera_center)
-        covers_border = (covers > 0.0) & (covers < 1.0 - BEFORE_SHARE)
+        covers_border = (covers > 0.0) & (covers < 1.0 - BEFORE_FRACTION)
         is_member = np.isin(self.numbers, surface.members)
         around = self._camera_tree.query_ball_point(pieces.places[finite], self.gap_px)
         ends = np.zeros(len(pieces.places), dtype=np.bool_)

@@ -175,7 +175,7 @@ def _messages(bag: Path, topics: Topics, progress: Progress | None) -> Iterator[
     with closing(recorded_messages(bag, (topics.photos, topics.clouds))) as messages:
         for message in messages:
             if progress is not None:
-                progress(message.share)
+                progress(message.fraction)
             yield message
 
 

@@ -17,7 +17,7 @@ from regionpose.geometry.units import angle_text, length_text
 from regionpose.solve.status import PoseStatus
 
 LARGEST_SIDE = 1600
-"""Pictures are scaled down to this, pixels: wide enough to judge edges by, small enough to mail."""
+"""Pictures are scaled down to this, pixels: wide enough to inspect edges, small enough to mail."""
 
 JPEG_QUALITY = 88
 
@@ -40,7 +40,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Report:
-    """What a report says.
+    """The contents of a report.
 
     `result`: as `scene.scene_result` gives it. `views`: the cloud's pictures, side by side.
     """
@@ -96,8 +96,8 @@ def _facts(result: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _fit(found: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """How the regions fit: first by their samples, where all are known by such, since areas say little of these; how
-    far the edges of photo and cloud agree of a scene without regions.
+    """How the regions fit: first by their samples, where all are given as such, since overlap errors are coarse then;
+    how far the edges of photo and cloud agree of a scene without regions.
     """
     edges = found["edges"]
     if not found["regions"] and edges is not None:
@@ -105,12 +105,12 @@ def _fit(found: Mapping[str, Any]) -> list[tuple[str, str]]:
             (f"{edges['count']:,}", "edges of clouds in view"),
             (_fixed(edges["log_odds"], 1), "log odds over chance"),
         ]
-    shares = [region["samples_on_their_side"] for region in found["regions"]]
+    fractions = [region["consistent_sample_fraction"] for region in found["regions"]]
     error = _percent(found["overlap_error"])
-    known = [share for share in shares if share is not None]
-    if len(known) < len(shares) or not known:
+    known = [fraction for fraction in fractions if fraction is not None]
+    if len(known) < len(fractions) or not known:
         return [(error, "overlap error, all regions")]
-    less = "overlap error of outlines that the scan doesn't know; its samples count"
+    less = "overlap error of outlines, which the scan leaves open; its samples count"
     return [(_percent(min(known)), "samples on their side, worst region"), (error, less)]
 
 
@@ -125,7 +125,7 @@ def _regions(regions: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list
     """The heads and the rows of the table of regions."""
     compared = any("overlap_error_before" in region for region in regions)
     errors = ["overlap error before", "overlap error after"] if compared else ["overlap error"]
-    heads = ["region", *errors, "image area (px)", "world area (m²)", "cloud points", "known by"]
+    heads = ["region", *errors, "image area (px)", "world area (m²)", "cloud points", "boundary from"]
     return [*heads, "samples on their side"], [_region(region, compared) for region in regions]
 
 
@@ -137,8 +137,8 @@ def _region(region: Mapping[str, Any], compared: bool) -> list[str]:
         f"{region['image_area_px']:,.0f}",
         f"{region['world_area_m2']:.4g}",
         "" if region["cloud_points"] is None else f"{region['cloud_points']:,}",
-        region["known_by"],
-        "" if region["samples_on_their_side"] is None else _percent(region["samples_on_their_side"]),
+        region["boundary_source"],
+        "" if region["consistent_sample_fraction"] is None else _percent(region["consistent_sample_fraction"]),
     ]
 
 

@@ -126,19 +126,19 @@ def alignment_values(run: SceneEstimate) -> dict[str, Any] | None:
     agrees = np.concatenate([alignment.agrees for alignment in held])
     return {
         "edges": len(agrees),
-        "share_on_edges": float(np.mean(agrees)) if len(agrees) else None,
+        "edge_fraction": float(np.mean(agrees)) if len(agrees) else None,
         "log_odds": sum(alignment.log_odds for alignment in held),
     }
 
 
 def sensor_origin_values(run: SceneEstimate) -> dict[str, Any] | None:
-    """Where the scanner stood, meters, and who says so; None where that isn't known."""
+    """Where the scanner stood, meters, and the source; None where that isn't known."""
     scanner = run.scanner
     return None if scanner is None else {"place_in_world_m": scanner.place, "source": scanner.source}
 
 
 def camera_near_values(run: SceneEstimate) -> dict[str, Any] | None:
-    """The place that the camera was taken to be near, to what standard deviation (meters), and who says so; None where
+    """The place that the camera was taken to be near, to what standard deviation (meters), and the source; None where
     nothing was.
     """
     item = run.scene.model.prior
@@ -151,8 +151,8 @@ def camera_near_values(run: SceneEstimate) -> dict[str, Any] | None:
 
 
 def region_values(run: SceneEstimate) -> list[dict[str, Any]]:
-    """Each region's overlap error (a fraction), also before where the scene gives an initial pose, the share of its
-    samples that are seen on their side of its contour, the share that the cloud hides, and its sizes.
+    """Each region's overlap error (a fraction), also before where the scene gives an initial pose, the fraction of its
+    samples that project on their side of its contour, the fraction that the cloud hides, and its sizes.
     """
     errors, before, fits = run.estimate.diagnostics.region_overlap_errors, run.errors_before, run.sample_fits
     found = {} if run.sides.matching is None else dict(run.sides.matching.pairs)
@@ -163,20 +163,20 @@ def region_values(run: SceneEstimate) -> list[dict[str, Any]]:
             **({"world_region": found[size["name"]]} if size["name"] in found else {}),
             "overlap_error": float(error),
             **({"overlap_error_before": float(first)} if given else {}),
-            "samples_on_their_side": None if fit is None else fit.share,
-            "hidden_share": hidden,
+            "consistent_sample_fraction": None if fit is None else fit.consistent_fraction,
+            "hidden_fraction": hidden,
             **{key: value for key, value in size.items() if key != "name"},
         }
         for name, size, error, first, fit, hidden in zip(
-            run.names, region_sizes(run.sides), errors, before, fits, hidden_shares(run), strict=True
+            run.names, region_sizes(run.sides), errors, before, fits, hidden_fractions(run), strict=True
         )
     ]
 
 
-def hidden_shares(run: SceneEstimate) -> list[float | None]:
-    """How much of each region of a frame the cloud hides; None where that was not looked at."""
+def hidden_fractions(run: SceneEstimate) -> list[float | None]:
+    """How much of each region of a frame the cloud hides; None where that was not tested."""
     held = [alignment for alignment in run.alignments if alignment is not None]
-    return [each.share for alignment in held for each in alignment.occlusions] or [None] * len(run.names)
+    return [each.hidden_fraction for alignment in held for each in alignment.occlusions] or [None] * len(run.names)
 
 
 def matching_values(run: SceneEstimate) -> list[dict[str, Any]] | None:
@@ -241,7 +241,7 @@ def _unfitted_frame(view: SceneEstimate, folder: Path) -> dict[str, Any]:
 
 
 def edge_values(run: SceneEstimate) -> dict[str, Any] | None:
-    """What the edges of photos and clouds say of the pose; None where they were not looked at.
+    """The evidence of the edges of photos and clouds for the pose; None where they were not compared.
 
     Logarithms of odds: for the pose over chance, and over the likeliest other place.
     """
@@ -275,11 +275,11 @@ def _prior_values(prior: Prior) -> dict[str, Any]:
 
 
 def _regions_only_values(regions: RegionsOnly) -> dict[str, Any]:
-    """The regions' answer alone, and what edges did to it."""
+    """The regions' solution alone, and what edges did to it."""
     estimate = regions.estimate
     return {
         "confidence": estimate.confidence,
-        "answers": 1 + len(estimate.diagnostics.alternatives),
+        "solutions": 1 + len(estimate.diagnostics.alternatives),
         "rank": regions.rank,
         "rotation_deg": regions.rotation_deg,
         "shift_m": regions.shift_m,
@@ -304,22 +304,22 @@ def exports(pose: Pose) -> dict[str, Any]:
 
 
 def region_sizes(sides: SceneData) -> list[dict[str, Any]]:
-    """Each region's name, areas (pixels, square meters) and cloud points, and what its 3D side is known by."""
+    """Each region's name, areas (pixels, square meters) and cloud points, and the source of its 3D boundary."""
     pairs = zip(sides.names, sides.image_regions, sides.world_sides, strict=True)
     return [{"name": name, "image_area_px": observed.area, **world_sizes(world)} for name, observed, world in pairs]
 
 
 def world_sizes(side: WorldSide) -> dict[str, Any]:
-    """The area (square meters) and cloud points of a region's 3D side, and what it is known by."""
+    """The area (square meters) and cloud points of a region's 3D side, and the source of its boundary."""
     return {
         "world_area_m2": side.region.area,
         "cloud_points": None if side.indices is None else len(side.indices),
-        "known_by": known_by(side),
+        "boundary_source": boundary_source(side),
     }
 
 
-def known_by(side: WorldSide) -> str:
-    """How many samples tell where a region ends; or that its outline does, and why."""
+def boundary_source(side: WorldSide) -> str:
+    """The number of samples of a region's boundary, or that it is given by its outline, and why."""
     samples = side.region.samples
     if samples is None:
         return f"outline: {side.outline_because}"

@@ -30,11 +30,11 @@ def searched_text(found: Mapping[str, Any]) -> str:
 
 
 def odds_text(found: Mapping[str, Any]) -> str:
-    """How far the pose leads chance and the next one; `found` as above."""
-    lead = found["log_odds_over_next"]
+    """The odds of the pose over chance and over the next one; `found` as above."""
+    margin = found["log_odds_over_next"]
     # No number of JSON is infinite.
-    is_alone = lead is None or not np.isfinite(lead)
-    others = "no other pose" if is_alone else f"e^{lead:.1f} over the likeliest other pose"
+    is_alone = margin is None or not np.isfinite(margin)
+    others = "no other pose" if is_alone else f"e^{margin:.1f} over the likeliest other pose"
     return f"{found['count']} edges; odds e^{found['log_odds']:.1f} over chance, {others}"
 
 

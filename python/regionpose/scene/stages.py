@@ -1,4 +1,4 @@
-"""The stages of a run: told as they begin, and timed."""
+"""The stages of a run: reported as they begin, and timed."""
 
 from __future__ import annotations
 
@@ -14,29 +14,25 @@ from regionpose.progress import Progress
 class Stages:
     """The seconds that each stage of a run took.
 
-    `begin` is told its name when it begins, and of what it is; `of_bytes` then the bytes of what it reads, where it
-    reads a cloud; `progress` which share of it is done, where that is known.
+    `begin` is called with its name when it begins, and the frame's; `of_bytes` then with the bytes of what it reads,
+    where it reads a cloud; `progress` with the fraction of it that is done, where that is known.
     """
 
     begin: Callable[[str], object] = lambda name: None
-    progress: Progress = lambda share: None
+    progress: Progress = lambda fraction: None
     of_bytes: Callable[[int], object] = lambda size_bytes: None
     seconds: dict[str, float] = field(default_factory=dict)
     _whose: str = ""
 
     @contextmanager
     def within(self, whose: str) -> Iterator[None]:
-        """Say before the name of each stage in the block whose it is, such as a camera's, and of it a frame's."""
+        """Prefix the name of each stage in the block by its owner, such as a camera, and of it a frame."""
         before = self._whose
         self._whose += f"{whose}: " if whose else ""
         try:
             yield
         finally:
             self._whose = before
-
-    def tell(self, name: str) -> None:
-        """Say that a part of the stage begins, which is not timed by itself."""
-        self.begin(self._whose + name)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:

@@ -61,8 +61,8 @@ def _margins(lab: Floats, grid: Array, side: Array, outward: Array) -> tuple[flo
     first, last = np.divmod(np.arange(count**2), count)
     kept = np.abs(first - last) * step <= TILT
     first, last = first[kept], last[kept]
-    share = np.linspace(0.0, 1.0, samples)
-    levels = np.round(first[:, None] * (1.0 - share) + last[:, None] * share).astype(np.intp)
+    fraction = np.linspace(0.0, 1.0, samples)
+    levels = np.round(first[:, None] * (1.0 - fraction) + last[:, None] * fraction).astype(np.intp)
     means = profiles[levels, np.arange(samples)].mean(axis=1)
     best = int(np.argmax(means))
     return (float(first[best] * step), float(last[best] * step)) if means[best] >= LEAST_CLEAR else None
@@ -74,8 +74,8 @@ def _edges_beyond(lab: Floats, grid: Array, side: Array, outward: Array) -> tupl
     length = float(np.hypot(*np.subtract(*placed(grid, np.stack([middle, middle + outward])))))
     count = int(np.clip(BEYOND * length, 8, MOST_STEPS))
     beyond = np.linspace(0.0, BEYOND, count)
-    share = np.linspace(0.0, 1.0, SIDE_SAMPLES)[:, None]
-    cells = side[0] * (1.0 - share) + side[1] * share + beyond[:, None, None] * outward
+    fraction = np.linspace(0.0, 1.0, SIDE_SAMPLES)[:, None]
+    cells = side[0] * (1.0 - fraction) + side[1] * fraction + beyond[:, None, None] * outward
     x, y = np.moveaxis(placed(grid, cells), 2, 0)
     shades = [ndimage.map_coordinates(lab[..., k], [y, x], order=1, mode="nearest") for k in range(3)]
     steps = np.sqrt(sum(np.gradient(shade, axis=0) ** 2 for shade in shades)) * (count / (BEYOND * length))

@@ -53,7 +53,7 @@ LIKE_CONTRAST = 1 / 3
 """Contrast of a corner over that of its neighbor at the least: light falls off slowly along a board. A
 convention."""
 
-EDGE_SHARE = 0.3
+EDGE_FRACTION = 0.3
 """Contrast of the edge at the least, over that of its corners; a convention."""
 
 FEWEST = 3
@@ -172,7 +172,7 @@ def _linked(corners: Corners, one: int, other: int) -> bool:
     shades = ndimage.map_coordinates(corners.picture, [sides[..., 1], sides[..., 0]], order=1, mode="nearest")
     # Turning from the edge towards its left, the bright axis comes before the dark one where the left is bright.
     sign = 1.0 if (corners.bright[one] - np.arctan2(step[1], step[0])) % np.pi < np.pi / 2 else -1.0
-    return bool((sign * (shades[0] - shades[1]) >= EDGE_SHARE * low).all())
+    return bool((sign * (shades[0] - shades[1]) >= EDGE_FRACTION * low).all())
 
 
 def _full_grid(corners: Corners, cells: dict[Cell, int]) -> Array | None:

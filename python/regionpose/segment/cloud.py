@@ -50,7 +50,7 @@ def grow_plane(
         Parts of the patch narrower than this are left out, such as posts in the plane of a panel, and what
         only they connect.
     progress : callable, optional
-        Called with a share in [0, 1].
+        Called with a fraction in [0, 1].
 
     Raises
     ------

@@ -26,7 +26,7 @@ Window = tuple[slice, slice]
 WORK_PIXELS = 300_000
 """Size of the reduced image: a region worth a pose keeps hundreds of pixels, and growing takes under a second."""
 
-SMOOTHING_SHARE = 1 / 400
+SMOOTHING_FRACTION = 1 / 400
 """Default radius of the median over the image's diagonal: the joints of a brick wall that fills the image vanish."""
 
 LARGEST_TOLERANCE = 40.0
@@ -41,21 +41,21 @@ STABILITY_SPAN = 8
 GROWTH_PENALTY = 5.0
 """A region that grows by a fifth within the span loses half of its score."""
 
-SMALLEST_SHARE, LARGEST_SHARE = 5e-4, 0.8
-"""Shares of the image between which the tolerance is looked for: below are single bricks, above is everything."""
+SMALLEST_FRACTION, LARGEST_FRACTION = 5e-4, 0.8
+"""Fractions of the image between which the tolerance is looked for: below are single bricks, above is everything."""
 
-GOOD_SHARE = 0.65
-"""Of the tolerances that score this share of the best, the first range wins: the smaller region around the seed."""
+GOOD_FRACTION = 0.65
+"""Of the tolerances that score this fraction of the best, the first range wins: the smaller region around the seed."""
 
-NEAR_BEST_SHARE = 0.85
-"""In that range the least tolerance of this share of the best score: a larger one reaches into the mixed pixels."""
+NEAR_BEST_FRACTION = 0.85
+"""In that range the least tolerance of this fraction of the best score: a larger one reaches into the mixed pixels."""
 
 
 OTHER_SIZE = 1.3
 """Ratio of areas from which two regions around a seed are two proposals; a convention, plain to see."""
 
-CLOSER_SHARE = 0.5
-"""A region whose surroundings take less than this share of the image is grown again in them alone, less reduced."""
+CLOSER_FRACTION = 0.5
+"""A region whose surroundings take less than this fraction of the image is grown again in them alone, less reduced."""
 
 
 @overload
@@ -111,8 +111,8 @@ def grow_image_region(
     fill_holes : bool
         Whether holes count as the region's; True by default.
     coverage : bool
-        Return the share of each pixel in [0, 1] (float32) instead of a bool mask, from how the colors of both sides mix
-        in it; `ImageRegion.from_mask` takes either.
+        Return the fraction of each pixel in [0, 1] (float32) instead of a bool mask, from how the colors of both sides
+        mix in it; `ImageRegion.from_mask` takes either.
     linear_light : bool
         Whether the image's values are proportional to light; False by default.
 
@@ -131,14 +131,14 @@ def grow_image_region(
     options = _checked_option("tolerance", tolerance), _checked_option("smoothing_px", smoothing_px)
     reduced, growth = _found(given, seed_place, *options)
     closer = _surroundings(growth.mask, reduced.factor, given.shape)
-    if reduced.factor > 1 and given[closer].size <= CLOSER_SHARE * given.size:
+    if reduced.factor > 1 and given[closer].size <= CLOSER_FRACTION * given.size:
         seed_place = seed_place[0] - closer[1].start, seed_place[1] - closer[0].start
         reduced, growth = _found(given[closer], seed_place, *options)
     else:
         closer = slice(0, given.shape[0]), slice(0, given.shape[1])
-    shares = np.zeros(given.shape[:2], dtype=np.float32)
-    shares[closer] = outlined(given[closer], seed_place, reduced, growth, fill_holes, linear_light)
-    return shares if coverage else np.asarray(shares >= 0.5)
+    fractions = np.zeros(given.shape[:2], dtype=np.float32)
+    fractions[closer] = outlined(given[closer], seed_place, reduced, growth, fill_holes, linear_light)
+    return fractions if coverage else np.asarray(fractions >= 0.5)
 
 
 def stable_tolerances(image: ArrayLike, seed: ArrayLike, *, most: int) -> list[tuple[float, float]]:
@@ -211,7 +211,7 @@ def _reduced(image: NDArray[np.generic], smoothing: float | None) -> Reduced:
     factor = max(1, round(float(np.sqrt(height * width / WORK_PIXELS))))
     picture = Image.fromarray(as_bytes(image)).convert("RGB")
     levels = np.asarray(picture.reduce(factor) if factor > 1 else picture)
-    pixels = SMOOTHING_SHARE * float(np.hypot(height, width)) if smoothing is None else smoothing
+    pixels = SMOOTHING_FRACTION * float(np.hypot(height, width)) if smoothing is None else smoothing
     radius = round(pixels / factor)
     smooth = _median(levels, radius)
     return Reduced(levels, rgb2lab(smooth).astype(np.float32), factor, radius)
@@ -244,9 +244,9 @@ def _region_around(lab: Floats, start: tuple[int, int], color: Floats, tolerance
         return Growth(np.asarray(arrivals <= tolerance), color, tolerance, 0.0)
     steps = _steps(arrivals)
     scores = _scores(steps, lab)
-    good = np.flatnonzero(scores >= GOOD_SHARE * scores.max())
+    good = np.flatnonzero(scores >= GOOD_FRACTION * scores.max())
     first = good[: np.append(np.flatnonzero(np.diff(good) > 1) + 1, len(good))[0]]
-    best = first[scores[first] >= NEAR_BEST_SHARE * scores[first].max()][0]
+    best = first[scores[first] >= NEAR_BEST_FRACTION * scores[first].max()][0]
     return Growth(np.asarray(steps <= best), color, float(best * TOLERANCE_STEP), float(scores[best]))
 
 
@@ -291,7 +291,7 @@ def _scores(steps: NDArray[np.int64], lab: Floats) -> Array:
     wider, narrower = np.minimum(index + STABILITY_SPAN, count - 1), np.maximum(index - STABILITY_SPAN, 0)
     growth = (area[wider] - area[narrower]) / np.maximum(area, 1)
     scores = total / np.maximum(edges, 1.0) * np.sqrt(compactness) / (1.0 + GROWTH_PENALTY * growth)
-    within = (area >= SMALLEST_SHARE * steps.size) & (area <= LARGEST_SHARE * steps.size)
+    within = (area >= SMALLEST_FRACTION * steps.size) & (area <= LARGEST_FRACTION * steps.size)
     return np.asarray(np.where(within, scores, 0.0) if within.any() else scores)
 
 

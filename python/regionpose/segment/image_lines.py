@@ -24,7 +24,7 @@ BLUR_PX = 1.0
 LEAST_GRADIENT = 8.0
 """CIELAB units by Sobel's kernel: that of a step of 2 units. Below are noise and JPEG's blocks. A convention."""
 
-FLAT_SHARE = 60.0
+FLAT_FRACTION = 60.0
 """Percentile of the gradients of a window that an edge exceeds, where all of it is textured. A convention."""
 
 ANGLES = 90
@@ -126,7 +126,7 @@ def edges_of(values: NDArray[np.uint8]) -> Edges:
     step = np.stack([np.sin(normals), np.cos(normals)])
     here = np.stack([rows, columns])
     ahead, behind = (ndimage.map_coordinates(strength, here + sign * step, order=1, mode="nearest") for sign in (1, -1))
-    least = max(LEAST_GRADIENT, float(np.percentile(strength, FLAT_SHARE)))
+    least = max(LEAST_GRADIENT, float(np.percentile(strength, FLAT_FRACTION)))
     return Edges((strength >= ahead) & (strength > behind) & (strength > least), normals)
 
 

@@ -15,18 +15,21 @@ from regionpose.validation.arrays import Array
 
 Indices = NDArray[np.intp]
 
-WELD_SHARE = 1e-7
-"""Vertices closer than this share of the mesh's extent are one: files of triangles repeat each one to seven digits."""
+WELD_FRACTION = 1e-7
+"""Vertices closer than this fraction of the mesh's extent are one: files of triangles repeat each one to seven
+digits."""
 
-STRAIGHT_SHARE = 1e-6
-"""Vertices of an outline are left out where this share of the extent is all that they bend it by."""
+STRAIGHT_FRACTION = 1e-6
+"""Vertices of an outline are left out where this fraction of the extent is all that they bend it by."""
 
-FLAT_SHARE = 1e-3
-"""A facet's vertices lie within this share of the mesh's extent of the plane of its largest triangle."""
+FLAT_FRACTION = 1e-3
+"""A facet's vertices lie within this fraction of the mesh's extent of the plane of its largest triangle."""
 
 
 @checked_arguments
-def regions_from_mesh(mesh: TriangleMesh, *, angle_deg: float = 1.0, least_share: float = 0.01) -> list[WorldRegion]:
+def regions_from_mesh(
+    mesh: TriangleMesh, *, angle_deg: float = 1.0, min_area_fraction: float = 0.01
+) -> list[WorldRegion]:
     """The planar facets of a mesh as regions, the largest first.
 
     A facet is grown from its largest triangle over shared edges. Of a closed mesh each region is seen from outside
@@ -39,8 +42,8 @@ def regions_from_mesh(mesh: TriangleMesh, *, angle_deg: float = 1.0, least_share
         triangles.
     angle_deg : float
         Largest angle between a triangle and the facet's largest one.
-    least_share : float
-        Facets below this share of the mesh's area are left out.
+    min_area_fraction : float
+        Facets below this fraction of the mesh's area are left out.
 
     Returns
     -------
@@ -50,13 +53,13 @@ def regions_from_mesh(mesh: TriangleMesh, *, angle_deg: float = 1.0, least_share
     Raises
     ------
     ValueError
-        For arrays of another shape, indices that aren't there, an angle or a share out of range, and where no facet is
-        left.
+        For arrays of another shape, indices that aren't there, an angle or a fraction out of range, and where no facet
+        is left.
     """
     if not 0.0 < angle_deg < 90.0:
         raise ValueError(f"angle_deg is {angle_deg}; needed an angle above 0 and below 90")
-    if not 0.0 <= least_share <= 1.0:
-        raise ValueError(f"least_share is {least_share}; needed a fraction")
+    if not 0.0 <= min_area_fraction <= 1.0:
+        raise ValueError(f"min_area_fraction is {min_area_fraction}; needed a fraction")
     vertices, given = mesh_parts(mesh)
     triangles = np.asarray(given, dtype=np.intp)
     if not triangles.size or triangles.min() < 0 or triangles.max() >= len(vertices):
@@ -66,10 +69,12 @@ def regions_from_mesh(mesh: TriangleMesh, *, angle_deg: float = 1.0, least_share
     facets = [
         _Facet.of(vertices, shapes, members) for members in _grown(vertices, shapes, np.cos(np.radians(angle_deg)))
     ]
-    least = least_share * shapes.areas.sum()
+    least = min_area_fraction * shapes.areas.sum()
     kept = sorted((facet for facet in facets if facet.area >= least), key=lambda facet: -facet.area)
     if not kept:
-        raise ValueError(f"mesh has {len(facets)} facets, none of {least_share:.2g} of its area; needed a larger one")
+        raise ValueError(
+            f"mesh has {len(facets)} facets, none of {min_area_fraction:.2g} of its area; needed a larger one"
+        )
     outward = _outward_sign(vertices, shapes.corners)
     return [facet.region(outward) for facet in kept]
 
@@ -117,7 +122,7 @@ class _Facet(NamedTuple):
         # Triangles that touch in a corner alone are parts of their own: the largest is the facet.
         largest = max(shapely.get_parts(whole), key=lambda part: part.area)
         return cls(
-            origin, axes, normal, shapely.simplify(largest, STRAIGHT_SHARE * float(np.ptp(flat, axis=(0, 1)).max()))
+            origin, axes, normal, shapely.simplify(largest, STRAIGHT_FRACTION * float(np.ptp(flat, axis=(0, 1)).max()))
         )
 
     def region(self, outward: float | None) -> WorldRegion:
@@ -134,7 +139,7 @@ def _welded(vertices: Array, triangles: Indices) -> Indices:
     extent = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
     if extent == 0.0 or not np.isfinite(extent):
         raise ValueError(f"mesh has {len(vertices)} vertices with an extent of {extent:g}; needed finite ones apart")
-    places = np.round(vertices / (WELD_SHARE * extent))
+    places = np.round(vertices / (WELD_FRACTION * extent))
     _, first, inverse = np.unique(places, axis=0, return_index=True, return_inverse=True)
     return np.asarray(first[inverse.ravel()][triangles])
 
@@ -147,7 +152,7 @@ def _edges(corners: Indices) -> Indices:
 def _grown(vertices: Array, shapes: _Triangles, least_cosine: float) -> Iterator[Indices]:
     """The triangles of each facet."""
     neighbors = _neighbors(shapes.corners)
-    distance = FLAT_SHARE * float(np.ptp(vertices, axis=0).max())
+    distance = FLAT_FRACTION * float(np.ptp(vertices, axis=0).max())
     free = np.ones(len(shapes.corners), dtype=np.bool_)
     for seed in np.argsort(-shapes.areas, kind="stable").tolist():
         if not free[seed]:

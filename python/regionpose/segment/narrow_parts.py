@@ -12,7 +12,7 @@ from regionpose.regions.outline import outline_of_points
 ARC_SEGMENTS = 16
 """Segments of a quarter turn where the opening rounds a corner: they lie within 0.3 % of the radius of its arc."""
 
-RIM_SHARE = 0.15
+RIM_FRACTION = 0.15
 """Margin over the width within which points beside the opened outline stay: the corners that a disc doesn't reach are
 `(sqrt(2) - 1) / 2 = 0.21` widths away for a right angle, noise and rounding take the rest."""
 
@@ -34,7 +34,7 @@ def without_narrow_parts(points: ArrayLike, seed: ArrayLike, min_width_m: float)
     if not pieces:
         raise ValueError(f"no part of the patch of {len(given)} points is {min_width_m} m wide; needed a smaller width")
     nearest = min(pieces, key=shapely.Point(place).distance)
-    kept: NDArray[np.bool_] = shapely.contains_xy(nearest.buffer(RIM_SHARE * min_width_m), flat[:, 0], flat[:, 1])
+    kept: NDArray[np.bool_] = shapely.contains_xy(nearest.buffer(RIM_FRACTION * min_width_m), flat[:, 0], flat[:, 1])
     return kept
 
 

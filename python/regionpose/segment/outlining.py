@@ -22,9 +22,9 @@ CONTRAST_FLOOR = 0.02
 """
 
 TEXTURE_SPREAD = 0.2
-"""Spread of the mixing share away from the outline above which a single pixel can't separate the sides."""
+"""Spread of the mixing fraction away from the outline above which a single pixel can't separate the sides."""
 
-STRAY_SHARE = 0.25
+STRAY_FRACTION = 0.25
 """A color farther than this off the line between both sides, over their difference, is no mixture of them."""
 
 SOFT_PIXELS = 2
@@ -63,7 +63,7 @@ def outlined(
     fill_holes: bool,
     linear_light: bool,
 ) -> Floats:
-    """Share (h, w) of each pixel of the image that a region grown in the reduced image covers."""
+    """Fraction (h, w) of each pixel of the image that a region grown in the reduced image covers."""
     if fill_holes:
         growth = growth._replace(mask=_without_holes(growth.mask))
     near, window = _windows(growth.mask, reduced, image.shape)
@@ -72,9 +72,9 @@ def outlined(
     radius = reduced.radius * reduced.factor
     mask = _smoothed(mask, max(radius if textured else radius // 2, 1))
     mask = _one_piece(mask, (round(seed[1]) - window[0].start, round(seed[0]) - window[1].start), fill_holes)
-    shares = np.zeros(image.shape[:2], dtype=np.float32)
-    shares[window] = mask if textured else _outline_shares(image[window], mask, linear_light)
-    return shares
+    fractions = np.zeros(image.shape[:2], dtype=np.float32)
+    fractions[window] = mask if textured else _outline_fractions(image[window], mask, linear_light)
+    return fractions
 
 
 def _without_holes(mask: Mask) -> Mask:
@@ -112,8 +112,9 @@ def as_bytes(image: NDArray[np.generic]) -> Bytes:
 def _full_size(image: NDArray[np.generic], reduced: Reduced, growth: Growth, linear_light: bool) -> tuple[Mask, bool]:
     """The region at full size, and whether either side of its outline is textured.
 
-    Near the coarse outline every pixel joins the side it is nearer to: a share above 1/2 in the mixture of both sides'
-    colors nearby. A third color (such as a shadow) stays where growth put it, and what joins keeps to the tolerance.
+    Near the coarse outline every pixel joins the side it is nearer to: a fraction above 1/2 in the mixture of both
+    sides' colors nearby. A third color (such as a shadow) stays where growth put it, and what joins keeps to the
+    tolerance.
     """
     coarse = growth.mask
     band = reduced.radius + 2
@@ -127,10 +128,10 @@ def _full_size(image: NDArray[np.generic], reduced: Reduced, growth: Growth, lin
     mask = _enlarged(coarse, reduced.factor, image.shape)
     rows, columns = np.nonzero(_enlarged(~(core | outside), reduced.factor, image.shape))
     sampled = _sampled(fields, rows, columns, reduced.factor)
-    share, stray = _mixture(_linear(image[rows, columns], linear_light), sampled[:, :3], sampled[:, 3:6])
-    clear = (sampled[:, 6] > CONTRAST_FLOOR) & (stray < STRAY_SHARE)
+    fraction, stray = _mixture(_linear(image[rows, columns], linear_light), sampled[:, :3], sampled[:, 3:6])
+    clear = (sampled[:, 6] > CONTRAST_FLOOR) & (stray < STRAY_FRACTION)
     allowed = mask[rows, columns] | (_color_distance(image[rows, columns], growth.color) <= growth.tolerance)
-    mask[rows, columns] = np.where(clear, (share >= 0.5) & allowed, mask[rows, columns])
+    mask[rows, columns] = np.where(clear, (fraction >= 0.5) & allowed, mask[rows, columns])
     return mask, _is_textured(light, fields, core, outside, band)
 
 
@@ -175,19 +176,19 @@ def _mixture(light: Floats, inner: Floats, outer: Floats) -> tuple[Floats, Float
     """How colors (n, 3) mix from two: `(I - out) . (in - out) / |in - out|^2`, and the rest over `|in - out|`."""
     step = inner - outer
     square = np.maximum(np.sum(step**2, axis=-1), 1e-12)
-    share = np.sum((light - outer) * step, axis=-1) / square
-    stray = np.linalg.norm(light - outer - share[..., None] * step, axis=-1) / np.sqrt(square)
-    return share, stray
+    fraction = np.sum((light - outer) * step, axis=-1) / square
+    stray = np.linalg.norm(light - outer - fraction[..., None] * step, axis=-1) / np.sqrt(square)
+    return fraction, stray
 
 
 def _is_textured(light: Floats, fields: Floats, core: Mask, outside: Mask, band: int) -> bool:
-    """Whether the mixing share of pixels known to lie on one side strays from 0 or 1 near the outline."""
+    """Whether the mixing fraction of pixels known to lie on one side strays from 0 or 1 near the outline."""
     decided = core | outside
     near = decided & ndimage.maximum_filter(~decided, size=2 * band + 1) & (fields[..., 6] > CONTRAST_FLOOR)
     if not near.any():
         return False
-    share, _ = _mixture(light[near], fields[near][:, :3], fields[near][:, 3:6])
-    return bool(np.sqrt(np.mean((share - core[near]) ** 2)) > TEXTURE_SPREAD)
+    fraction, _ = _mixture(light[near], fields[near][:, :3], fields[near][:, 3:6])
+    return bool(np.sqrt(np.mean((fraction - core[near]) ** 2)) > TEXTURE_SPREAD)
 
 
 def _smoothed(mask: Mask, radius: int) -> Mask:
@@ -196,19 +197,19 @@ def _smoothed(mask: Mask, radius: int) -> Mask:
     return np.asarray(means > 0.5)
 
 
-def _outline_shares(image: NDArray[np.generic], mask: Mask, linear_light: bool) -> Floats:
-    """Share (h, w) of each pixel that the region covers, from the mixture of the colors off its outline."""
+def _outline_fractions(image: NDArray[np.generic], mask: Mask, linear_light: bool) -> Floats:
+    """Fraction (h, w) of each pixel that the region covers, from the mixture of the colors off its outline."""
     core = ndimage.minimum_filter(mask, size=2 * SOFT_PIXELS + 1)
     outside = ndimage.minimum_filter(~mask, size=2 * SOFT_PIXELS + 1)
     rows, columns = np.nonzero(~(core | outside))
     inner, inner_count = _local_mean(image, core, rows, columns, linear_light)
     outer, outer_count = _local_mean(image, outside, rows, columns, linear_light)
-    share, stray = _mixture(_linear(image[rows, columns], linear_light), inner, outer)
+    fraction, stray = _mixture(_linear(image[rows, columns], linear_light), inner, outer)
     contrast = np.linalg.norm(inner - outer, axis=1)
-    clear = (inner_count > 0) & (outer_count > 0) & (contrast > CONTRAST_FLOOR) & (stray < STRAY_SHARE)
-    shares = mask.astype(np.float32)
-    shares[rows, columns] = np.where(clear, np.clip(share, 0.0, 1.0), shares[rows, columns])
-    return shares
+    clear = (inner_count > 0) & (outer_count > 0) & (contrast > CONTRAST_FLOOR) & (stray < STRAY_FRACTION)
+    fractions = mask.astype(np.float32)
+    fractions[rows, columns] = np.where(clear, np.clip(fraction, 0.0, 1.0), fractions[rows, columns])
+    return fractions
 
 
 def _local_mean(

@@ -45,8 +45,8 @@ SEED_THICKNESS = 0.3
 """Largest thickness of the seed's neighborhood over its width, which a face five noises wide keeps; foliage is as
 thick as wide, a corner half."""
 
-SEED_SHARE = 0.6
-"""Least share of the neighbors on the plane; a seed near an edge has a good part of them beyond it."""
+SEED_FRACTION = 0.6
+"""Least fraction of the neighbors on the plane; a seed near an edge has a good part of them beyond it."""
 
 SAME_NOISE = 1.3
 """Ratio of the noise in a neighborhood and the least of smaller ones up to which they show the same plane. By steps
@@ -61,7 +61,7 @@ SEED_SIGMAS = 5.0
 DISTANCE_SIGMAS = 3.0
 """Distance from the plane up to which a point belongs to it, in standard deviations of the noise around the seed."""
 
-LEAST_DISTANCE_SHARE = 0.02
+LEAST_DISTANCE_FRACTION = 0.02
 """Least such distance over the bridging radius, for clouds without noise."""
 
 SPACING_POINTS = 384
@@ -90,7 +90,7 @@ FIT_POINTS = 20_000
 MOST_CELLS = 2000
 """Cells across the grid at the most, which bounds its memory; beyond it cells are wider than needed."""
 
-SETTLED_SHARE = 5e-3
+SETTLED_FRACTION = 5e-3
 """Change in the number of members below which a patch has stopped growing; points at the distance itself come and
 go, most of them in small patches."""
 
@@ -198,7 +198,7 @@ def _neighborhood_patch(cloud: Array, nearest: Indices) -> Patch | None:
         return None
     sigma = float(np.std((near[inliers] - origin) @ axes[2]))
     least = SEED_SIGMAS * sigma + _rounding(near)
-    if len(inliers) < SEED_SHARE * len(near) or abs((near[0] - origin) @ axes[2]) > least:
+    if len(inliers) < SEED_FRACTION * len(near) or abs((near[0] - origin) @ axes[2]) > least:
         return None
     return Patch(origin, axes, nearest[inliers], sigma, 0.0, 0.0)
 
@@ -207,7 +207,7 @@ def _sized(cloud: Array, patch: Patch, distance: float | None, radius: float | N
     """The patch with the distance and the cell that its noise and the spacing of its points ask for."""
     near = cloud[patch.members[:SPACING_POINTS]]
     gap = bridging_radius((near - patch.origin) @ patch.axes[:2].T) if radius is None else radius
-    most = max(DISTANCE_SIGMAS * patch.sigma, LEAST_DISTANCE_SHARE * gap) if distance is None else distance
+    most = max(DISTANCE_SIGMAS * patch.sigma, LEAST_DISTANCE_FRACTION * gap) if distance is None else distance
     return patch._replace(distance=most, cell=max(gap, CELL_DISTANCES * most))
 
 
@@ -222,7 +222,7 @@ def grown(cloud: Array, patch: Patch, seed: Array, angle_deg: float, progress: P
             progress(1.0 - 1.0 / (round_ + 2))
         if len(joined) < 3:
             break
-        is_settled = abs(len(joined) - len(patch.members)) <= max(SETTLED_SHARE * len(joined), SETTLED_POINTS)
+        is_settled = abs(len(joined) - len(patch.members)) <= max(SETTLED_FRACTION * len(joined), SETTLED_POINTS)
         patch = _refitted(cloud, patch, joined)
         extent = float(np.abs((cloud[joined] - seed) @ patch.axes[:2].T).max())
         if is_settled and extent <= SETTLED_REACH * reach:

@@ -44,12 +44,12 @@ SEED_LOT = 128
 """Seeds looked at together, of which the flattest grow first."""
 
 SCALES = (32, 96, 384)
-"""Neighbors of a seed among which its flatness is judged; the first may all lie on one scan line."""
+"""Neighbors of a seed from which its flatness is estimated; the first may all lie on one scan line."""
 
 FLAT = 0.1
 """Thickness over width of a neighborhood whose noise is taken for the sensor's: beyond it the surface may be rough."""
 
-LEAST_NOISE_SHARE = 0.02
+LEAST_NOISE_FRACTION = 0.02
 """Least noise of the sensor over the distance between neighbors, for clouds without noise."""
 
 ROUGHNESS = 10.0
@@ -68,7 +68,7 @@ FRINGE = 1.5
 is made of these."""
 
 MOST_FRINGE = 0.5
-"""Share of a patch that may be such points of patches found before."""
+"""Fraction of a patch that may be such points of patches found before."""
 
 MOST_BESIDE = 0.25
 """Points before and behind a patch over its members at the most; a volume filled evenly has two."""
@@ -101,7 +101,7 @@ def find_planes(
     angle_deg : float
         As in `grow_plane`.
     progress : callable, optional
-        Called with a share in [0, 1].
+        Called with a fraction in [0, 1].
 
     Raises
     ------
@@ -188,7 +188,7 @@ class Search:
         thickness, sigma = _flatness(self.rest[near])
         if not np.isfinite(self.noise) and (thickness < FLAT).any():
             steps = np.linalg.norm(self.rest[near[:, 1]] - self.rest[near[:, 0]], axis=1)
-            self.noise = float(max(np.median(sigma[thickness < FLAT]), LEAST_NOISE_SHARE * np.median(steps)))
+            self.noise = float(max(np.median(sigma[thickness < FLAT]), LEAST_NOISE_FRACTION * np.median(steps)))
         flat = np.argsort(thickness, kind="stable")
         flat = flat[(thickness[flat] <= SEED_THICKNESS) & (sigma[flat] <= ROUGHNESS * self.noise)]
         found = [patch for row in flat if self.untried[lot[row]] and (patch := self._patch(near[row])) is not None]

@@ -39,12 +39,12 @@ SHORTEST_SIDE = 8.0
 BEYOND_PX = 3.0
 """Pixels of a window that a corner may lie beyond it."""
 
-LEAST_SHARE = 0.02
-"""Share of a side that counts as shown at the least, so that one hidden side doesn't rule a quadrilateral out."""
+LEAST_FRACTION = 0.02
+"""Fraction of a side that counts as shown at the least, so that one hidden side doesn't rule a quadrilateral out."""
 
-BORDER_SHARE = 0.5
-"""Share that a side on the photo's border counts as: one that may be there or not, so that sides that show count more.
-From 0.15 to 0.5 the same faces of `benchmarks/click_masks.py` are met."""
+BORDER_FRACTION = 0.5
+"""Fraction that a side on the photo's border counts as: one that may be there or not, so that sides that show count
+more. From 0.15 to 0.5 the same faces of `benchmarks/click_masks.py` are met."""
 
 SIZE_POWER = 0.15
 """Power of the area by which a larger quadrilateral is preferred, among those that the photo's border doesn't cut.
@@ -71,12 +71,12 @@ SIDE_SAMPLES = 200
 class Quads(NamedTuple):
     """Quadrilaterals that were found in windows of a photo.
 
-    `corners` (n, 4, 2), pixels; `shares` (n, 4): those of their sides that show an edge, nan of sides on the photo's
+    `corners` (n, 4, 2), pixels; `fractions` (n, 4): those of their sides that show an edge, nan of sides on the photo's
     border; `grain` (n,): pixels of the photo in one of the window.
     """
 
     corners: Array
-    shares: Array
+    fractions: Array
     grain: Array
 
     @property
@@ -86,24 +86,24 @@ class Quads(NamedTuple):
         return np.asarray(0.5 * np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)))
 
     @property
-    def edge_shares(self) -> Array:
-        """How clearly they show (n,): the geometric mean of the shares."""
-        shares = np.clip(np.nan_to_num(self.shares, nan=BORDER_SHARE), LEAST_SHARE, 1.0)
-        return np.asarray(np.exp(np.log(shares).mean(axis=1)))
+    def edge_fractions(self) -> Array:
+        """How clearly they show (n,): the geometric mean of the fractions."""
+        fractions = np.clip(np.nan_to_num(self.fractions, nan=BORDER_FRACTION), LEAST_FRACTION, 1.0)
+        return np.asarray(np.exp(np.log(fractions).mean(axis=1)))
 
     @property
     def clear(self) -> Array:
         """How clearly the whole ones show (n,), times a power of the area; 0 of those that the photo's border cuts."""
-        return np.where(np.isnan(self.shares).any(axis=1), 0.0, self.edge_shares * self.areas**SIZE_POWER)
+        return np.where(np.isnan(self.fractions).any(axis=1), 0.0, self.edge_fractions * self.areas**SIZE_POWER)
 
     @property
     def cut(self) -> Array:
         """How clearly those show (n,) that the photo's border cuts; 0 of the others."""
-        return np.where(np.isnan(self.shares).any(axis=1), self.edge_shares, 0.0)
+        return np.where(np.isnan(self.fractions).any(axis=1), self.edge_fractions, 0.0)
 
     def selected(self, which: Indices) -> Quads:
         """The quadrilaterals at some indices."""
-        return Quads(self.corners[which], self.shares[which], self.grain[which])
+        return Quads(self.corners[which], self.fractions[which], self.grain[which])
 
 
 def quads_around(image: NDArray[np.uint8], seed: tuple[float, float]) -> list[Array]:
@@ -113,7 +113,7 @@ def quads_around(image: NDArray[np.uint8], seed: tuple[float, float]) -> list[Ar
     border cuts. Their sides are refined on the photo.
     """
     reach = max(image.shape[:2])
-    found = [_window_quads(image, seed, share * reach) for share in WINDOWS]
+    found = [_window_quads(image, seed, fraction * reach) for fraction in WINDOWS]
     quads = Quads(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
     close = np.where(np.arange(len(quads.corners)) < len(found[0].corners), quads.clear, 0.0)
     chosen: list[int] = []
@@ -136,7 +136,7 @@ def _window_quads(image: NDArray[np.uint8], seed: tuple[float, float], half: flo
     quads = _quads(lines, _opposite(lines, place), place, np.array(window.values.shape[1::-1]))
     best = np.argsort(-np.stack([quads.clear, quads.cut]), axis=1, kind="stable")[:, :MOST_OF_WINDOW]
     kept = quads.selected(np.unique(best))
-    return Quads(window.outside(kept.corners), kept.shares, kept.grain * window.factor)
+    return Quads(window.outside(kept.corners), kept.fractions, kept.grain * window.factor)
 
 
 def _opposite(lines: Lines, place: Array) -> Indices:
@@ -153,15 +153,15 @@ def _quads(lines: Lines, pairs: Indices, place: Array, size: Array) -> Quads:
     sides = np.stack([pairs[first, 0], pairs[second, 0], pairs[first, 1], pairs[second, 1]], axis=1)
     steep = np.abs(lines.normals @ lines.normals.T) <= np.cos(np.radians(ADJACENT_DEG))
     after = np.roll(sides, -1, axis=1)
-    edge_shares = ~np.isnan(lines.edge_counts[sides, 0])
-    sides = sides[steep[sides, after].all(axis=1) & (edge_shares.sum(axis=1) >= FEWEST_SHOWN)]
+    edge_fractions = ~np.isnan(lines.edge_counts[sides, 0])
+    sides = sides[steep[sides, after].all(axis=1) & (edge_fractions.sum(axis=1) >= FEWEST_SHOWN)]
     corners = _corners(lines, sides)
     within = ((corners > -BEYOND_PX) & (corners < size + BEYOND_PX)).all(axis=(1, 2))
     edges, to_place = np.roll(corners, -1, axis=1) - corners, place - corners
     turns = edges[..., 0] * to_place[..., 1] - edges[..., 1] * to_place[..., 0]
     around = (turns > 0.0).all(axis=1) | (turns < 0.0).all(axis=1)
     kept = within & around & (np.hypot(edges[..., 0], edges[..., 1]).min(axis=1) > SHORTEST_SIDE)
-    return Quads(corners[kept], _shares(lines, sides[kept], corners[kept]), np.ones(int(kept.sum())))
+    return Quads(corners[kept], _fractions(lines, sides[kept], corners[kept]), np.ones(int(kept.sum())))
 
 
 def _corners(lines: Lines, sides: Indices) -> Array:
@@ -173,14 +173,14 @@ def _corners(lines: Lines, sides: Indices) -> Array:
     return np.stack([(one * y2 - two * y1) / turned, (x1 * two - x2 * one) / turned], axis=2)
 
 
-def _shares(lines: Lines, sides: Indices, corners: Array) -> Array:
-    """The share (n, 4) of each side that shows an edge; side k begins at corner k."""
+def _fractions(lines: Lines, sides: Indices, corners: Array) -> Array:
+    """The fraction (n, 4) of each side that shows an edge; side k begins at corner k."""
     normals = lines.normals[sides]
     tangents = np.stack([-normals[..., 1], normals[..., 0]], axis=2)
     ends = np.stack([(tangents * corners).sum(axis=2), (tangents * np.roll(corners, -1, axis=1)).sum(axis=2)])
     low, high = np.clip(np.sort(ends, axis=0) + lines.reach, 0, 2 * lines.reach).astype(np.intp)
-    edge_shares = lines.edge_counts[sides, high] - lines.edge_counts[sides, low]
-    return np.asarray(np.minimum(edge_shares / np.maximum(np.abs(ends[1] - ends[0]), 1.0), 1.0))
+    edge_fractions = lines.edge_counts[sides, high] - lines.edge_counts[sides, low]
+    return np.asarray(np.minimum(edge_fractions / np.maximum(np.abs(ends[1] - ends[0]), 1.0), 1.0))
 
 
 def _overlap(one: Array, other: Array) -> float:
@@ -196,7 +196,7 @@ def _refined(image: NDArray[np.uint8], quad: Quads) -> Array:
 
     Sides on the photo's border stay.
     """
-    corners, fixed = quad.corners[0], np.isnan(quad.shares[0])
+    corners, fixed = quad.corners[0], np.isnan(quad.fractions[0])
     reaches = float(quad.grain[0]) * NEAR_PX * np.linspace(1.0, 0.5, REFINED_ROUNDS)
     low = np.maximum(np.floor(corners.min(axis=0) - 2.0 * reaches[0]), 0.0).astype(np.intp)
     high = np.ceil(corners.max(axis=0) + 2.0 * reaches[0]).astype(np.intp) + 1

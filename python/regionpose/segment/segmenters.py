@@ -77,16 +77,16 @@ def load_segmenter(name: str) -> Segmenter:
 def segmented(
     segmenter: Segmenter, image: NDArray[np.uint8], pixels: Sequence[Sequence[float]], labels: Sequence[int]
 ) -> list[Shares]:
-    """Masks as shares (h, w) in [0, 1] that a segmenter finds around pixels (n, 2), the best one first.
+    """Masks as fractions (h, w) in [0, 1] that a segmenter finds around pixels (n, 2), the best one first.
 
     ValueError for what is no mask of the image, or none that holds any pixel.
     """
     found = segmenter(image, np.asarray(pixels, dtype=np.float32), np.asarray(labels, dtype=np.int64))
-    shares = [np.asarray(mask, dtype=np.float32) for mask in masks_from_segmenter(found, coverage=True)]
+    fractions = [np.asarray(mask, dtype=np.float32) for mask in masks_from_segmenter(found, coverage=True)]
     size = image.shape[:2]
-    if any(mask.shape != size for mask in shares):
-        raise ValueError(f"the segmenter found masks of shape {shares[0].shape}; needed {size}, as the image")
-    kept = [mask for mask in shares if (mask > 0.5).any()]
+    if any(mask.shape != size for mask in fractions):
+        raise ValueError(f"the segmenter found masks of shape {fractions[0].shape}; needed {size}, as the image")
+    kept = [mask for mask in fractions if (mask > 0.5).any()]
     if not kept:
         raise ValueError("the segmenter found nothing there; needed a pixel of something")
     return kept

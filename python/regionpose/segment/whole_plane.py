@@ -26,7 +26,7 @@ from regionpose.segment.patch import (
     CELL_DISTANCES,
     DISTANCE_SIGMAS,
     FIT_POINTS,
-    LEAST_DISTANCE_SHARE,
+    LEAST_DISTANCE_FRACTION,
     MOST_CELLS,
     RIM_CELLS,
     SPACING_POINTS,
@@ -42,8 +42,8 @@ from regionpose.validation.arrays import Array
 MOST_ROUNDS = 12
 """Rounds until a plane and its points stay the same, at the most; a convention, at which few points come and go."""
 
-SAME_SHARE = 2e-3
-"""Share of the points that may come and go with the last digits of the plane."""
+SAME_FRACTION = 2e-3
+"""Fraction of the points that may come and go with the last digits of the plane."""
 
 SPACINGS = 9
 """Places over a plane at which the gap between scan lines is looked at; the median of these is the plane's."""
@@ -60,7 +60,7 @@ LEAST_PIECE = 12
 
 LAYER, MOST_BESIDE = 3.0, 0.5
 """Distance from the plane, over that of its members, up to which points before and behind a piece count, and their
-share of it at the most: a volume filled evenly, such as the crown of a tree that crosses the plane, has two."""
+fraction of it at the most: a volume filled evenly, such as the crown of a tree that crosses the plane, has two."""
 
 MOST_APART = 0.5
 """Gap between two pieces over the size of the smaller one up to which they are one plane; a convention."""
@@ -84,7 +84,7 @@ def whole_plane(points: ArrayLike, seed: ArrayLike | int, *, progress: Progress 
     seed : int or (3,) array
         The index of a point, or a position.
     progress : callable, optional
-        Called with a share in [0, 1].
+        Called with a fraction in [0, 1].
 
     Raises
     ------
@@ -104,7 +104,7 @@ def whole_plane(points: ArrayLike, seed: ArrayLike | int, *, progress: Progress 
         if progress is not None:
             progress(0.5 + 0.5 * (round_ + 1) / MOST_ROUNDS)
         changed = len(before) + len(members) - 2 * len(np.intersect1d(before, members, assume_unique=True))
-        if changed <= SAME_SHARE * len(members):
+        if changed <= SAME_FRACTION * len(members):
             break
     if progress is not None:
         progress(1.0)
@@ -124,7 +124,7 @@ def _fitted(cloud: Array, patch: Patch) -> Patch:
         used = kept[:: max(1, len(kept) // FIT_POINTS)] if len(kept) >= LEAST_PIECE else used
     axes[1] = np.cross(axes[2], axes[0])
     gap = _spacing((member_points - origin) @ axes[:2].T)
-    distance = max(DISTANCE_SIGMAS * sigma, LEAST_DISTANCE_SHARE * gap)
+    distance = max(DISTANCE_SIGMAS * sigma, LEAST_DISTANCE_FRACTION * gap)
     return patch._replace(
         origin=origin, axes=axes, sigma=sigma, distance=distance, cell=max(gap, CELL_DISTANCES * distance)
     )
@@ -145,8 +145,8 @@ def _linked(cloud: Array, patch: Patch) -> Indices:
         return patch.members[:0]
     labels = _together(pieces)
     shared = [np.isin(piece.members, patch.members, assume_unique=True).sum() for piece in pieces]
-    shares = np.bincount(labels, weights=np.array(shared, dtype=np.float64))
-    chosen = int(np.argmax(shares))
+    fractions = np.bincount(labels, weights=np.array(shared, dtype=np.float64))
+    chosen = int(np.argmax(fractions))
     return np.concatenate([piece.members for piece, label in zip(pieces, labels, strict=True) if label == chosen])
 
 

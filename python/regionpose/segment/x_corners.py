@@ -20,7 +20,7 @@ levels leaves a corner's contrast a spread of 2.6."""
 LEAST_CONTRAST = 10.0
 """Levels of 255 between dark and bright below which noise of 5 levels (four times its spread) makes corners."""
 
-LEAST_SHARE, AROUND_PX = 0.35, 9
+LEAST_FRACTION, AROUND_PX = 0.35, 9
 """Contrast of a corner over that of all pixels around it, in a square of so many pixels, at the least. Corners of real
 boards have 0.55 to 0.8 (less by the sine of the crossing angle), steps of a jagged edge up to 0.3."""
 
@@ -58,7 +58,7 @@ def x_corners(gray: NDArray[np.uint8]) -> Corners:
     yy, xy, xx = _slope(down, 0), _slope(down, 1), _slope(across, 1)
     contrast = np.pi * BLUR_PX**2 * np.sqrt(np.maximum(xy**2 - xx * yy, 0.0))
     around = ndimage.maximum_filter(picture, AROUND_PX) - ndimage.minimum_filter(picture, AROUND_PX)
-    clear = contrast >= np.maximum(LEAST_CONTRAST, LEAST_SHARE * around)
+    clear = contrast >= np.maximum(LEAST_CONTRAST, LEAST_FRACTION * around)
     peaks = clear & (contrast == ndimage.maximum_filter(contrast, APART_PX))
     rows, columns = np.nonzero(peaks)
     start = np.stack([columns, rows], axis=1).astype(np.float64)

@@ -40,7 +40,7 @@ def estimate_poses(
 ) -> list[PoseEstimate | PoseError]:
     """The estimates of many problems, in order, by the native driver.
 
-    A problem without an answer leaves the others theirs. They are solved without the interpreter on a pool of threads
+    A failed problem returns a PoseError in its slot. Problems are solved without the interpreter on a pool of threads
     of its own, and are the same for any number of them.
 
     Parameters
@@ -57,8 +57,8 @@ def estimate_poses(
     Returns
     -------
     list of PoseEstimate or PoseError
-        In place of an estimate a PoseError: that of `estimate_pose` where no pose shows every region, or one that says
-        what is wrong with a problem that is refused, such as a mask of another size.
+        In place of an estimate a PoseError: that of `estimate_pose` where no pose shows every region, or the reason
+        for refusing a problem, such as a mask of another size.
 
     Raises
     ------
@@ -75,8 +75,8 @@ def estimate_poses(
     options = native(solver)
     given = [_parts(index, problem) for index, problem in enumerate(listed(problems, PROBLEMS))]
     sides = _sides([_checked(*parts) for parts in given], options)
-    told = zip(sides, _priors(prior, len(sides)), strict=True)
-    whole = [(each, known) for each, known in told if not isinstance(each, PoseError)]
+    paired = zip(sides, _priors(prior, len(sides)), strict=True)
+    whole = [(each, known) for each, known in paired if not isinstance(each, PoseError)]
     batch, priors = [each for each, _ in whole], [known for _, known in whole]
     estimates = iter(core_batch(batch, priors, options, threads))
     return [each if isinstance(each, PoseError) else estimate_from_core(next(estimates)) for each in sides]
@@ -96,7 +96,7 @@ def native(solver: Solver | None) -> Solver:
 def core_batch(
     batch: Sequence[Sides], priors: Sequence[_core.Prior | None], solver: Solver, threads: int | None
 ) -> list[_core.Estimate | str | None]:
-    """What the core says of many problems by a solver's equations."""
+    """The core's estimates of many problems by a solver's equations."""
     return _core.estimate_batch(
         batch,
         priors,
@@ -112,7 +112,7 @@ def core_batch(
 
 
 def _parts(index: int, problem: PoseProblem) -> PoseProblem:
-    """The three parts of a problem; ValueError, led by its number, for what has others."""
+    """The three parts of a problem; ValueError that begins with its number for other counts."""
     try:
         parts = listed(problem, "(camera, image_regions, world_regions)")
     except ValueError as error:

@@ -29,7 +29,9 @@ PARTS = (slice(0, 3), slice(3, 6))
 
 
 class Factor(NamedTuple):
-    """What something says of the left increment x from a pose, `exp(vector . x - x . information x / 2)`."""
+    """A Gaussian factor on the left increment x from a pose, in information form: `exp(vector . x - x . information x /
+    2)`.
+    """
 
     information: Array
     vector: Array
@@ -46,7 +48,7 @@ class Factor(NamedTuple):
         """
         variances, axes = np.linalg.eigh(covariance / np.outer(deviations, deviations))
         known = 1.0 / np.maximum(variances, LEAST_VARIANCE)
-        # The covariance of what says next to nothing may be wider than the prior.
+        # A covariance with hardly any information may be wider than the prior.
         left = np.maximum(known - held, 0.0)
         vector = known * (axes.T @ (increment / deviations)) * (left > 0.0)
         scale = 1.0 / deviations
@@ -116,5 +118,5 @@ def _scales(frames: Sequence[Factor]) -> Array:
     prior of their scatter (Gelman 2006).
     """
     known = [np.median([np.linalg.eigvalsh(frame.information[part, part]) for frame in frames]) for part in PARTS]
-    # Where frames tell nothing, how far they are off does not matter.
+    # Where frames have no information, how far they are off does not matter.
     return np.maximum(known, LEAST_KNOWN) ** -0.5

@@ -19,16 +19,16 @@ from regionpose.regions.world import WorldRegion
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 CameraAt = Callable[[Array], tuple[Camera, Pose]]
-"""Camera and pose at some variables, each of which changes the image by about a share of itself."""
+"""Camera and pose at some variables, each of which changes the image by about a fraction of itself."""
 
 BEND_TOLERANCE_PX = 0.02
 """Projected edges are split until they are within this distance (pixels) of the curves they stand for."""
 
 BEND_PROBES = (0.25, 0.5, 0.75)
-"""Shares of an edge at which its bend is looked at; the middle alone would miss one that changes sides."""
+"""Fractions of an edge at which its bend is evaluated; the middle alone would miss one that changes sides."""
 
 BEND_MARGIN = 2.0
-"""Bends counted for each one that is seen at the probes: parts that are even in the world aren't so in the image."""
+"""Bends counted for each one that is found at the probes: parts that are even in the world aren't so in the image."""
 
 MOST_PARTS = 200
 """Parts of one edge at most; a square that fills a fisheye's image needs 30."""
@@ -37,7 +37,8 @@ STRETCH = 30
 """Neighboring pieces that may err alike, about 90 px: steps of an edge that nearly follows the pixels are long."""
 
 DIFFERENCE = 1e-6
-"""Step of central differences, in radians and shares: pixels are then exact to 1e-7 of themselves for a step of one."""
+"""Step of central differences, in radians and fractions: pixels are then exact to 1e-7 of themselves for a step of
+one."""
 
 SIGMA_OVER_MEDIAN = 1.482602218505602
 """Standard deviation of a normal distribution over its median absolute value."""
@@ -69,13 +70,13 @@ class Contours:
 class Distances(NamedTuple):
     """Signed distances (m,) of pieces from the projected outlines, pixels, and what they were measured from.
 
-    `edges` (m,): index of the nearest edge's first vertex; `shares` (m,): where on it the foot is; `normals` (m, 2):
+    `edges` (m,): index of the nearest edge's first vertex; `fractions` (m,): where on it the foot is; `normals` (m, 2):
     unit direction in which the distance grows, `value = normal . (piece - foot)`.
     """
 
     values: Array
     edges: Indices
-    shares: Array
+    fractions: Array
     normals: Array
 
 
@@ -111,14 +112,14 @@ def distances_of(camera: Camera, contours: Contours, pose: Pose) -> Distances | 
     )
     start, step = pixels[edges], ends[edges] - pixels[edges]
     square = np.maximum((step * step).sum(axis=1), np.finfo(float).tiny)
-    shares = np.clip(((contours.pieces - start) * step).sum(axis=1) / square, 0.0, 1.0)
-    offset = contours.pieces - start - shares[:, None] * step
+    fractions = np.clip(((contours.pieces - start) * step).sum(axis=1) / square, 0.0, 1.0)
+    offset = contours.pieces - start - fractions[:, None] * step
     normals = np.column_stack([step[:, 1], -step[:, 0]]) / np.sqrt(square)[:, None]
     # Beyond an end the distance is that from the vertex, and its direction the offset's own.
     length = np.hypot(*offset.T)
-    beyond = ((shares == 0.0) | (shares == 1.0)) & (length > 0.0)
+    beyond = ((fractions == 0.0) | (fractions == 1.0)) & (length > 0.0)
     normals[beyond] = offset[beyond] / length[beyond, None]
-    return Distances((normals * offset).sum(axis=1), edges, shares, normals)
+    return Distances((normals * offset).sum(axis=1), edges, fractions, normals)
 
 
 def outline_derivatives(view: CameraAt, at: Array, contours: Contours) -> Array:
@@ -137,10 +138,10 @@ def distance_derivatives(contours: Contours, distances: Distances, by_vertices: 
     Exact for the polyline: the foot's slide along its edge is at right angles to the normal, so `d value =
     -n . ((1 - s) dq_a + s dq_b)`.
     """
-    shares = distances.shares[:, None, None]
+    fractions = distances.fractions[:, None, None]
     first, second = by_vertices[distances.edges], by_vertices[contours.following[distances.edges]]
-    moved: Array = -np.einsum("mc,mcp->mp", distances.normals, (1.0 - shares) * first + shares * second)
-    return moved
+    derivatives: Array = -np.einsum("mc,mcp->mp", distances.normals, (1.0 - fractions) * first + fractions * second)
+    return derivatives
 
 
 def robust_sigma(distances: Array) -> float:
@@ -205,10 +206,10 @@ def _split_ring(camera: Camera, pose: Pose, ring: Array) -> Array:
     chord = np.roll(ends, -1, axis=0) - ends
     length = np.maximum(np.hypot(*chord.T), np.finfo(float).tiny)
     sagitta = np.zeros(len(ring))
-    for share in BEND_PROBES:
-        x, y = (camera.project_near(pose.transform(ring + share * step), column) - ends).T
+    for fraction in BEND_PROBES:
+        x, y = (camera.project_near(pose.transform(ring + fraction * step), column) - ends).T
         off_chord = np.abs(chord[:, 0] * y - chord[:, 1] * x) / length
-        sagitta = np.fmax(sagitta, off_chord / (4.0 * share * (1.0 - share)))
+        sagitta = np.fmax(sagitta, off_chord / (4.0 * fraction * (1.0 - fraction)))
     parts = np.clip(np.ceil(np.sqrt(BEND_MARGIN * sagitta / BEND_TOLERANCE_PX)), 1, MOST_PARTS).astype(np.int64)
     first = np.repeat(np.arange(len(ring)), parts)
     within = np.arange(len(first)) - np.repeat(np.cumsum(parts) - parts, parts)

@@ -1,4 +1,4 @@
-"""What the edges of photos and clouds say of a pose, as `regionpose.alignment` finds it."""
+"""The evidence of the edges of photos and clouds for a pose, as `regionpose.alignment` finds it."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Occlusion:
 
     Parameters
     ----------
-    share : float
+    hidden_fraction : float
         Of that part's area, 0 to 1; NaN where the projected region lies beside the observed one.
     distance_m : float
         From the camera to what hides it, meters, the median; NaN where nothing does.
@@ -59,7 +59,7 @@ class Occlusion:
         Whether most of it is hidden, which contradicts the photo.
     """
 
-    share: float
+    hidden_fraction: float
     distance_m: float
     region_distance_m: float
     is_hidden: bool
@@ -72,7 +72,7 @@ class Alignment(KeptArrays):
     Parameters
     ----------
     places : (n, 2) array
-        Pixels of the photo where the cloud's edges, of depth and of intensity, are seen at the pose.
+        Pixels of the photo where the cloud's edges, of depth and of intensity, project at the pose.
     agrees : (n,) array of bool
         Whether the photo more likely than not shows an edge there.
     edge_log_odds : float
@@ -94,19 +94,20 @@ class Alignment(KeptArrays):
     occlusions: tuple[Occlusion, ...] = ()
 
     @property
-    def share(self) -> float:
-        """Share of the cloud's edges in view that lie on edges of the photo; NaN without any."""
+    def edge_fraction(self) -> float:
+        """Fraction of the cloud's edges in view that lie on edges of the photo; NaN without any."""
         return float(np.mean(self.agrees)) if len(self.agrees) else float("nan")
 
     def __repr__(self) -> str:
         """The number of edges, how many of them agree, and the log odds."""
         hidden = f", hidden={sum(each.is_hidden for each in self.occlusions)}" if self.occlusions else ""
-        return f"Alignment(edges={len(self.places)}, share={self.share:.2f}, log_odds={self.log_odds:.2f}{hidden})"
+        odds = f"edge_fraction={self.edge_fraction:.2f}, log_odds={self.log_odds:.2f}"
+        return f"Alignment(edges={len(self.places)}, {odds}{hidden})"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FocalEvidence(KeptArrays):
-    """What the edges of photos and clouds say of the focal lengths.
+    """The evidence of the edges of photos and clouds for the focal lengths.
 
     Parameters
     ----------
@@ -129,5 +130,5 @@ class FocalEvidence(KeptArrays):
 
     def __repr__(self) -> str:
         """The log odds, the likeliest factor, and how far a percent moves the camera."""
-        shown = f"log_odds={self.log_odds:.1f}, factor={self.factor:.3f}, shift_m={self.shift_m:.4f}"
-        return f"FocalEvidence({shown})"
+        values = f"log_odds={self.log_odds:.1f}, factor={self.factor:.3f}, shift_m={self.shift_m:.4f}"
+        return f"FocalEvidence({values})"

@@ -151,12 +151,12 @@ class RegionsOnly:
     estimate : PoseEstimate
         By the regions alone.
     rank : int or None
-        Which of its answers the pose is about, from 1: the best one, then its alternatives; None where it is about
+        Which of its solutions the pose is about, from 1: the best one, then its alternatives; None where it is about
         none.
     pose : Pose or None
-        That answer.
+        That solution.
     rotation_deg : float
-        The angle between the pose and that answer, degrees; NaN without.
+        The angle between the pose and that solution, degrees; NaN without.
     shift_m : float
         The distance between their camera centers, meters; NaN without.
     """
@@ -169,28 +169,28 @@ class RegionsOnly:
 
     @property
     def is_refined(self) -> bool:
-        """Whether edges moved the pose from that answer."""
+        """Whether edges moved the pose from that solution."""
         return self.rotation_deg > 0.0 or self.shift_m > 0.0
 
     def __repr__(self) -> str:
         """The rank, how far edges moved the pose, and the estimate."""
-        moved = f"rotation_deg={self.rotation_deg:.3f}, shift_m={self.shift_m:.4f}"
-        return f"RegionsOnly(rank={self.rank}, {moved}, {self.estimate!r})"
+        change = f"rotation_deg={self.rotation_deg:.3f}, shift_m={self.shift_m:.4f}"
+        return f"RegionsOnly(rank={self.rank}, {change}, {self.estimate!r})"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EdgeDiagnostics:
-    """What the edges of photos and clouds say of a pose (docs/math.md, sections 18 and 19).
+    """The evidence of the edges of photos and clouds for a pose (docs/math.md, sections 18 and 19).
 
     Parameters
     ----------
     prior : Prior
-        What was searched: the given prior, and what was assumed where that says nothing.
+        What was searched: the given prior, with what was assumed for missing fields.
     assumed : tuple of str
         Names of the prior's fields that were assumed.
     log_odds : float
         Logarithm of the odds that photo and cloud agree at the pose rather than by chance: anywhere in the prior, or
-        about the regions' answer where the pose is one of these.
+        about the regions' solution where the pose is one of these.
     log_odds_over_next : float
         The logarithm of the odds of the pose over the likeliest other place; infinite where there is none.
     count : int
@@ -200,7 +200,7 @@ class EdgeDiagnostics:
     alignments : tuple of Alignment
         How well photo and cloud of each frame agree at the pose.
     focal : FocalEvidence or None
-        What the edges say of the focal lengths; None of cameras that have none.
+        Their evidence for the focal lengths; None of cameras that have none.
     regions_only : RegionsOnly or None
         The estimate by the regions without edges; None without regions.
     """
@@ -228,8 +228,8 @@ class Diagnostics(KeptArrays):
     Parameters
     ----------
     mode_probability : float
-        Posterior probability of this mode; nearby modes count separately: answers that fit alike share what one of them
-        would have. The confidence is the sum over those within 5 degrees.
+        Posterior probability of this mode; nearby modes count separately: modes that fit alike divide the probability
+        of one. The confidence is the sum over those within 5 degrees.
     overlap_error : float
         Area of the symmetric difference of projected and observed regions over the observed area (the paper's delta, on
         the sphere), a fraction; NaN without regions.
@@ -252,7 +252,7 @@ class Diagnostics(KeptArrays):
         Median distance of the regions, or points in view, from the camera, meters: what the limit of the translation's
         standard deviation is a fraction of.
     pixel_angle_rad : float
-        The angle of a pixel where the regions are seen, radians: the root of its mean square over them. About 1 over
+        The angle of a pixel where the regions project, radians: the root of its mean square over them. About 1 over
         the focal length.
     focal_shift : (6,) array
         The pose's derivative by the logarithm of the focal lengths, a left increment: a hundredth of it is what focal
@@ -262,7 +262,7 @@ class Diagnostics(KeptArrays):
     rig : RigDiagnostics or None
         How the frames of a rig fit, of `estimate_rig`; else None.
     edges : EdgeDiagnostics or None
-        What edges of photos and clouds say, of `calibrate` and of scenes; None where they were not compared.
+        Evidence of the edges of photos and clouds, of `calibrate` and of scenes; None where they were not compared.
     """
 
     mode_probability: float
@@ -287,7 +287,7 @@ class Diagnostics(KeptArrays):
             object.__setattr__(self, name, read_only(np.asarray(getattr(self, name), dtype=np.float64)))
 
     def __repr__(self) -> str:
-        """The overlap error, the number of alternatives, and what rig and edges say."""
+        """The overlap error, the number of alternatives, and the diagnostics of rig and edges."""
         parts = [f"overlap_error={self.overlap_error:.4f}", f"{len(self.alternatives)} alternatives"]
         parts += [repr(each) for each in (self.rig, self.edges) if each is not None]
         return f"Diagnostics({', '.join(parts)})"
@@ -314,7 +314,7 @@ class PoseEstimate(PoseWithCovariance):
     warnings : tuple of PoseWarning
         What to know before trusting the pose.
     diagnostics : Diagnostics
-        How it was found and how well it fits: overlap errors, alternatives, what frames and edges say.
+        How it was found and how well it fits: overlap errors, alternatives, diagnostics of frames and edges.
 
     """
 
@@ -337,7 +337,7 @@ class PoseEstimate(PoseWithCovariance):
 
 
 def estimate_from_core(estimate: _core.Estimate | str | None) -> PoseEstimate | PoseError:
-    """What the core found, or the error that says why it found nothing."""
+    """What the core found, or an error with the reason."""
     if isinstance(estimate, str):
         return PoseError(estimate)
     if estimate is None:
@@ -356,11 +356,11 @@ def estimate_from_core(estimate: _core.Estimate | str | None) -> PoseEstimate | 
 
 def _diagnostics(estimate: _core.Estimate, best: _core.Solution) -> Diagnostics:
     return Diagnostics(
-        mode_probability=best.share,
+        mode_probability=best.mode_probability,
         overlap_error=best.overlap_error,
         region_overlap_errors=best.region_overlap_errors,
         boundary_noise_px=estimate.boundary_noise,
-        outlier_fraction=estimate.disturbed_share,
+        outlier_fraction=estimate.outlier_fraction,
         alternatives=tuple(map(_alternative, estimate.alternatives)),
         converged=best.converged,
         termination=best.termination,
@@ -368,7 +368,7 @@ def _diagnostics(estimate: _core.Estimate, best: _core.Solution) -> Diagnostics:
         distance_m=estimate.distance,
         pixel_angle_rad=estimate.pixel_angle,
         focal_shift=best.focal_shift,
-        shared_edges=tuple(SharedEdge((first, second), ends) for (first, second), ends in estimate.creases),
+        shared_edges=tuple(SharedEdge((first, second), ends) for (first, second), ends in estimate.shared_edges),
     )
 
 
@@ -377,7 +377,7 @@ def _alternative(solution: _core.Solution) -> Alternative:
         pose=pose_of(solution),
         covariance=solution.covariance,
         confidence=solution.confidence,
-        mode_probability=solution.share,
+        mode_probability=solution.mode_probability,
         overlap_error=solution.overlap_error,
         region_overlap_errors=solution.region_overlap_errors,
     )

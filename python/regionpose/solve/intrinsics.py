@@ -33,11 +33,11 @@ RefinableCamera = PinholeCamera | FisheyeCamera
 PARAMETERS: dict[str, tuple[str, ...]] = {"focal": ("fx", "fy"), "center": ("cx", "cy"), "distortion": ("k1", "k2")}
 """What each part of a camera consists of."""
 
-WEAK_SHARE = 0.005
-"""Share of the focal length: a parameter whose standard deviation moves the image by more isn't determined.
+WEAK_FRACTION = 0.005
+"""Fraction of the focal length: a parameter whose standard deviation moves the image by more isn't determined.
 
-A focal length moves a point at 45 degrees by that share, the center all points, a distortion the outermost vertex that
-is seen. Half a percent is what a camera's data sheet is good for.
+A focal length moves a point at 45 degrees by that fraction, the center all points, a distortion the outermost visible
+vertex. Half a percent is what a camera's data sheet is good for.
 """
 
 CONFIRMED_PROBABILITY = 0.99
@@ -47,13 +47,13 @@ CAUCHY_WIDTH = 2.385
 """Width of the Cauchy loss over the distances' standard deviation: 95 % efficient (Holland, Welsch 1977)."""
 
 FINEST_SIGMA_PX = 0.05
-"""Scale below which distances (pixels) aren't told apart: exact coverage scatters by so much at corners."""
+"""Scale below which distances (pixels) aren't distinguished: exact coverage scatters by so much at corners."""
 
 ROUNDS = 8
-"""Times that the scale of the loss is estimated anew at most."""
+"""Most estimates of the scale of the loss."""
 
-SETTLED_SCALE = 0.98
-"""Ratio of successive scales above which the scale has settled."""
+CONVERGED_SCALE = 0.98
+"""Ratio of successive scales above which the scale has converged."""
 
 TOLERANCE = 1e-10
 """Relative change of cost and variables at which the least squares stops."""
@@ -65,7 +65,7 @@ OUT_OF_VIEW_PX = 1e6
 """Distance where a region leaves the view or the camera is none, so that the step there is refused."""
 
 SMALLEST_SINGULAR = 1e-12
-"""Least singular value of the scaled Jacobian, a share of the largest, so that a free direction stays finite."""
+"""Least singular value of the scaled Jacobian, a fraction of the largest, so that a free direction stays finite."""
 
 
 def parameter_names(camera: Camera, parts: Sequence[str]) -> tuple[str, ...]:
@@ -87,8 +87,8 @@ def refined_camera(camera: Camera, pose: Pose, contours: Contours, parts: Sequen
 
     The distances of the contours (docs/math.md, section 12) are minimized under a Cauchy loss whose scale follows their
     median, by scipy's trust region, over the increment of the pose and the parameters of `parts`. A parameter that
-    stays vaguer than `WEAK_SHARE` makes the refinement "weak", and so does an outline that isn't wholly visible at the
-    pose. ValueError as of `parameter_names`.
+    stays vaguer than `WEAK_FRACTION` makes the refinement "weak", and so does an outline that isn't wholly visible at
+    the pose. ValueError as of `parameter_names`.
     """
     problem = ContourProblem(camera, pose, contours, parameter_names(camera, parts))
     start = np.zeros(len(problem.unit))
@@ -117,7 +117,7 @@ def _solved(problem: ContourProblem, start: Array, first_sigma: float) -> tuple[
         )
         at, before = result.x, sigma
         sigma = max(robust_sigma(problem.residual(at)), FINEST_SIGMA_PX)
-        if sigma > SETTLED_SCALE * before:
+        if sigma > CONVERGED_SCALE * before:
             break
     return at, sigma
 
@@ -140,8 +140,8 @@ class ContourProblem:
 
     def view(self, at: Array) -> tuple[Camera, Pose]:
         """Camera and pose at the variables."""
-        moved = _core.moved_pose(self._pose.rotation.as_matrix(), self._pose.translation, (self.unit * at)[:6])
-        return _with_parameters(self._camera, self._names, self.values(at)), Pose.from_parts(*moved)
+        pose = _core.retract_pose(self._pose.rotation.as_matrix(), self._pose.translation, (self.unit * at)[:6])
+        return _with_parameters(self._camera, self._names, self.values(at)), Pose.from_parts(*pose)
 
     def values(self, at: Array) -> Array:
         """The parameters at the variables, in their own units."""
@@ -202,7 +202,7 @@ class ContourProblem:
         )
 
     def _weak(self, at: Array, sigma: Array) -> tuple[str, ...]:
-        """Names of the parameters that move the image by more than `WEAK_SHARE` within a standard deviation.
+        """Names of the parameters that move the image by more than `WEAK_FRACTION` within a standard deviation.
 
         All, where the camera would see no ray at an observed piece.
         """
@@ -211,8 +211,10 @@ class ContourProblem:
             return self._names
         motion = np.linalg.norm(outline_derivatives(self.view, at, self._contours)[:, :, 6:], axis=1).max(axis=0)
         lenses = [name in PARAMETERS["distortion"] for name in self._names]
-        shares = sigma * np.where(lenses, motion / self._focal, 1.0)
-        return tuple(name for name, share in zip(self._names, shares, strict=True) if not share <= WEAK_SHARE)
+        fractions = sigma * np.where(lenses, motion / self._focal, 1.0)
+        return tuple(
+            name for name, fraction in zip(self._names, fractions, strict=True) if not fraction <= WEAK_FRACTION
+        )
 
 
 def _is_noise(shift: Array, covariance: Array) -> bool:

@@ -45,7 +45,8 @@ MOST_ROUNDS = 4
 """Rounds of assigning and solving from one hypothesis; the second or third adds nothing to the one before."""
 
 AS_MUCH_SCORE = 0.5
-"""Lead in the score below which another assignment may explain the image as well: half of a pair that fits exactly."""
+"""Margin in the score below which another assignment may explain the image as well: half of a pair that fits
+exactly."""
 
 AS_MUCH_NOISE = 2.0
 """Ratio of boundary noises above which it doesn't, whatever its score. It is far above their scatter; an arrangement
@@ -58,7 +59,7 @@ AMBIGUITY = 25.0
 
 @dataclass(frozen=True, eq=False)
 class RegionMatches:
-    """Which image region is which world region, and the pose that says so.
+    """Which image region is which world region, and the pose of these pairs.
 
     Parameters
     ----------
@@ -96,7 +97,7 @@ def match_regions(
 ) -> RegionMatches:
     """The pairs of image and world regions that one pose explains best, and the pose.
 
-    The pose of each single pair predicts where all other regions are seen; the nearest are assigned one to one, solved
+    The pose of each single pair predicts where all other regions project; the nearest are assigned one to one, solved
     together, and kept where the overlap error delta of each is below 15 % (docs/math.md, sections 7 and 8). A pair
     counts `1 - (delta / 15 %)^2`, the truncated quadratic loss of MSAC (Torr and Zisserman 2000); the greatest sum
     wins. Regions stay unmatched that are hidden, cut off, seen from behind (`WorldRegion.with_viewpoint`), given by one
@@ -111,8 +112,8 @@ def match_regions(
     world_regions : sequence of WorldRegion
         What the world holds, meters, in any order.
     known : sequence of (int, int)
-        Image and world indices of regions that are known to be the same: they stay pairs, and their poses alone say
-        where the others are looked for.
+        Image and world indices of regions that are known to be the same: they stay pairs, and their poses alone
+        predict where the others project.
     prior : Prior, optional
         What is known of the pose; it decides between assignments that explain about as much.
     solver : Solver, optional
@@ -263,7 +264,7 @@ def _outline(world: _core.WorldRegion) -> _core.WorldRegion:
     if world.samples is None:
         return world
     outline = _core.WorldRegion.from_outline(world.origin, world.axes[:2], world.outline)
-    return outline if world.viewpoint is None else outline.seen_from(world.viewpoint)
+    return outline if world.viewpoint is None else outline.with_viewpoint(world.viewpoint)
 
 
 def _centroid(world: _core.WorldRegion) -> Array:
@@ -361,7 +362,7 @@ def _single_pairs(sides: _Sides, image: int, threads: int | None) -> list[tuple[
 
 
 def _grown(sides: _Sides, alone: _Consensus, needed: float) -> _Consensus:
-    """The consensus that a single pair leads to, or a part of it where that can't reach the score that is needed."""
+    """The consensus of a single pair, or a part of it where that can't reach the score that is needed."""
     current = alone
     for _ in range(MOST_ROUNDS):
         near = sides.near(current.pose)
@@ -406,7 +407,7 @@ def _best(sides: _Sides, consensuses: list[_Consensus]) -> list[_Consensus]:
 
 
 def _is_confirmed(prior: _core.Prior | None, consensus: _Consensus) -> bool:
-    """Whether a second pair speaks for a consensus, or the prior does not rule it out."""
+    """Whether a second pair supports a consensus, or the prior does not rule it out."""
     return len(consensus.pairs) > 1 or _penalty(prior, consensus.pose) <= AMBIGUITY
 
 

@@ -33,7 +33,7 @@ class Solver:
         Search all poses (default), or start from the paper's own start alone (its sections 2.1.1, 2.2.1), or from the
         prior's initial pose alone if there is one.
     refine : {"contour", None}
-        Lead the pose onto the observed contours where a part of them is disturbed (docs/math.md, section 11) or hidden
+        Refine the pose on the observed contours where a part of them is disturbed (docs/math.md, section 11) or hidden
         (section 14), unless several regions all have samples, which decide then (section 17); None keeps the pose of
         the moments alone.
     driver : {"scipy", "native"} or None
@@ -92,7 +92,7 @@ max_rotation_sigma_deg=0.5, max_translation_sigma_percent=2.0)
 
     def calibration_covariance(self, focal_shift: NDArray[np.float64], pixel_angle_rad: float) -> NDArray[np.float64]:
         """What errors of the focal lengths and of the image's center add to the covariance (6, 6) of a pose of this
-        `focal_shift` (6,) whose regions are seen where a pixel has this angle.
+        `focal_shift` (6,) whose regions project where a pixel has this angle.
         """
         covariance = (0.01 * self.focal_sigma_percent) ** 2 * np.outer(focal_shift, focal_shift)
         covariance[:3, :3] += (self.center_sigma_px * pixel_angle_rad) ** 2 * np.eye(3)

@@ -87,7 +87,7 @@ class Prior:
         """Check the parts, and keep numbers alone."""
         if self.initial is not None and not isinstance(self.initial, Pose):
             raise ValueError(f"initial is a {type(self.initial).__name__}; needed a Pose")
-        # Made once to have everything checked, and anew where it is used: what is compiled has no pickle.
+        # Made once to have everything checked, and again where it is used: what is compiled has no pickle.
         _ = self.core
         for name in ("up", "camera_near"):
             values = getattr(self, name)

@@ -22,7 +22,7 @@ from regionpose.solve.warning_code import WarningCode
 Array = NDArray[np.float64]
 
 
-def moved_estimate(
+def estimate_at(
     estimate: PoseEstimate,
     pose: Pose,
     covariance: Array,
@@ -32,7 +32,7 @@ def moved_estimate(
     solver: Solver,
 ) -> PoseEstimate:
     """The estimate with a pose near its own, of this covariance (6, 6): overlap errors, and whether the standard
-    deviations are within the solver's limits, are told anew.
+    deviations are within the solver's limits, are evaluated at it.
     """
     problem = core_problem(camera, image_regions, world_regions, solver)
     whole, errors = problem.overlap_errors(pose.rotation_matrix, pose.translation)
@@ -55,14 +55,14 @@ def scattered_estimate(
     solver: Solver,
 ) -> PoseEstimate:
     """The estimate of frames that scatter, with the pose and covariance (6, 6) that allow for it, and what follows from
-    them: shares and confidences (docs/math.md, eq. 15.1), and the covariances of other answers, larger by the same
-    factor on the mean.
+    them: probabilities and confidences (docs/math.md, eq. 15.1), and the covariances of other solutions, larger by the
+    same factor on the mean.
     """
-    near = _core.nearness(covariance) / _core.nearness(estimate.covariance)
+    near = _core.rotation_confidence(covariance) / _core.rotation_confidence(estimate.covariance)
     factor = max(
         1.0, float(np.trace(np.linalg.pinv(estimate.covariance, hermitian=True) @ covariance)) / len(covariance)
     )
-    moved = moved_estimate(estimate, pose, covariance, camera, image_regions, world_regions, solver)
+    reevaluated = estimate_at(estimate, pose, covariance, camera, image_regions, world_regions, solver)
     alternatives = tuple(
         replace(
             other,
@@ -73,8 +73,8 @@ def scattered_estimate(
         for other in estimate.diagnostics.alternatives
     )
     mode_probability = min(1.0, near * estimate.diagnostics.mode_probability)
-    diagnostics = replace(moved.diagnostics, mode_probability=mode_probability, alternatives=alternatives)
-    return replace(moved, confidence=min(1.0, near * estimate.confidence), diagnostics=diagnostics)
+    diagnostics = replace(reevaluated.diagnostics, mode_probability=mode_probability, alternatives=alternatives)
+    return replace(reevaluated, confidence=min(1.0, near * estimate.confidence), diagnostics=diagnostics)
 
 
 def _with_geometry(
@@ -84,7 +84,7 @@ def _with_geometry(
     covariance: Array,
     limits: tuple[float, float],
 ) -> tuple[PoseWarning, ...]:
-    """The warnings, whether the standard deviations are within the limits told anew."""
+    """The warnings, whether the standard deviations are within the limits evaluated at the pose."""
     kept = [warning for warning in warnings if warning.code != WarningCode.WEAK_GEOMETRY]
     weak = problem.weak_geometry(pose.rotation_matrix, pose.translation, covariance, limits=limits)
     if weak is not None:

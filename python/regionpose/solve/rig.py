@@ -53,11 +53,11 @@ def estimate_rig(
     solver: Solver | None = None,
     refine_camera: Sequence[CameraPart] = (),
 ) -> PoseEstimate:
-    """The one pose `camera_from_world` at which all frames of a rig look as they were observed.
+    """The one pose `camera_from_world` at which all frames of a rig project onto the observed regions.
 
     Every frame is left out in turn and compared with the pose of the others. Errors of whole frames, as of the time
-    between photo and scan, are in no region's covariance: how large they are is told by how far the frames' own poses
-    are apart, and the pose and its covariance allow for them. An error that is the same in all frames does not show.
+    between photo and scan, are in no region's covariance: their size is estimated from the scatter of the frames' own
+    poses, and the pose and its covariance allow for them. An error that is the same in all frames does not show.
 
     Parameters
     ----------
@@ -98,7 +98,9 @@ def estimate_rig(
         # How far frames are off as wholes is estimated below.
         rig = replace(rig, solver=replace(rig.solver, **EXACT_EXPOSURE))
     if names and all(region.is_line for region in _sides(listed)[1]):
-        raise ValueError("refine_camera found regions known by one scan line alone; needed one that has an outline")
+        raise ValueError(
+            "refine_camera found regions sampled along one scan line alone; needed one that has an outline"
+        )
     estimate = rig.joint(listed)
     refinement = None
     contours = _contours(camera, estimate.pose, listed) if names else None
@@ -118,7 +120,7 @@ def estimate_rig(
         covariance = found.covariance + calibration
         estimate = scattered_estimate(estimate, pose, covariance, rig.camera, *_sides(listed), rig.solver)
     elif len(listed) > 1:
-        # Nothing tells how far frames are off.
+        # How far frames are off cannot be estimated.
         options = replace(options, driver=rig.solver.driver)
         estimate = replace(rig.started_at(estimate.pose), solver=options).joint(listed)
     leave_one_out = rig.leave_one_out(listed, estimate.pose)
@@ -186,16 +188,16 @@ class _Rig:
         return None if wider > MOST_LOST**2 else scattered(factors, known)
 
     def _factor(self, frame: Frame, joint: PoseEstimate, deviations: Array) -> Factor | None:
-        """What a frame alone says of the pose about the joint one; None where no answer of its own is at that place, or
-        it leaves a direction free.
+        """A frame's own information on the pose, about the joint one; None where no solution of its own is at that
+        place, or it leaves a direction free.
         """
         sampled = _is_sampled(frame)
         values, axes = np.linalg.eigh(joint.covariance / np.outer(deviations, deviations))
         weakest = np.sqrt(values[-1]) * deviations * axes[:, -1]
-        # Where samples settle depends on where they begin, and by how much is a part of what they leave uncertain.
+        # The mode of samples depends on the start; the scatter over starts is part of the frame's uncertainty.
         starts = (0.0, -1.0, 1.0) if sampled else (0.0,)
         found = [self._own(frame, joint.pose, joint.pose.retract(times * weakest), deviations) for times in starts]
-        known = [answer for answer in found if answer is not None]
+        known = [solution for solution in found if solution is not None]
         if not known:
             return None
         increments, covariances = (np.array(values) for values in zip(*known, strict=True))
@@ -215,17 +217,17 @@ class _Rig:
             alone = near.joint([frame])
         except PoseError:
             return None
-        answers = [
-            (joint.local_coordinates(answer.pose), answer.covariance)
-            for answer in (alone, *alone.diagnostics.alternatives)
+        solutions = [
+            (joint.local_coordinates(solution.pose), solution.covariance)
+            for solution in (alone, *alone.diagnostics.alternatives)
         ]
-        increment, covariance = min(answers, key=lambda answer: float(np.linalg.norm(answer[0] / deviations)))
+        increment, covariance = min(solutions, key=lambda solution: float(np.linalg.norm(solution[0] / deviations)))
         if np.linalg.norm(increment[:3]) > ANOTHER_PLACE or not np.isfinite(covariance).all():
             return None
         return increment, covariance
 
     def leave_one_out(self, frames: Sequence[Frame], joint: Pose) -> tuple[LeaveOneOut, ...]:
-        """What the frames but each one say; nothing where there is one only."""
+        """The pose of all frames but one, for each; nothing of a single frame."""
         if len(frames) < 2:
             return ()
         near, middle = self.started_at(joint), _middle(frames)
@@ -249,9 +251,9 @@ class _Rig:
         return tuple(found)
 
     def outlier_warnings(self, frames: Sequence[Frame], leave_one_out: Sequence[LeaveOneOut]) -> list[PoseWarning]:
-        """A warning for each frame that disagrees; the worst is left out before the others are judged again.
+        """A warning for each frame that disagrees; the worst is left out before the others are tested again.
 
-        Of two frames that disagree nothing tells which is wrong, so both are named.
+        Of two frames that disagree either may be wrong, so both are named.
         """
         warnings: list[PoseWarning] = []
         places = _places(frames)
@@ -348,12 +350,12 @@ def _held_out(
     scatter = float(np.median([np.inf if part is None else _root_mean_square(part.values) for part in distances]))
     problem = ContourProblem(camera, without.pose, own)
     jacobian = problem.jacobian(np.zeros(6)) / problem.unit
-    moved = float(np.mean(np.einsum("mi,ij,mj->m", jacobian, without.covariance, jacobian)))
-    return residual, float(np.hypot(scatter, np.sqrt(moved)))
+    propagated = float(np.mean(np.einsum("mi,ij,mj->m", jacobian, without.covariance, jacobian)))
+    return residual, float(np.hypot(scatter, np.sqrt(propagated)))
 
 
 def _contours(camera: Camera, pose: Pose, frames: Sequence[Frame]) -> Contours | None:
-    """The contours of all regions of which more than a scan line is known, beside their outlines; None without any."""
+    """The contours of all regions that are not single scan lines, beside their outlines; None without any."""
     shaped = [pair for pair in zip(*_sides(frames), strict=True) if not pair[1].is_line]
     if not shaped:
         return None

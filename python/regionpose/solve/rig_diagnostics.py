@@ -34,8 +34,8 @@ class FrameFit(KeptArrays):
         Region by region.
     residual_px : float
         Size of the distances between contours and projected outlines, pixels: root mean square, or robust standard
-        deviation where that is less; infinite where an outline isn't wholly visible, NaN where each region is known by
-        one scan line alone.
+        deviation where that is less; infinite where an outline isn't wholly visible, NaN where each region is sampled
+        along one scan line alone.
     """
 
     name: str
@@ -68,7 +68,7 @@ class LeaveOneOut(KeptArrays):
         Of the frame's own distances at the others' pose, as of `FrameFit`; infinite where an outline isn't wholly
         visible.
     expected_px : float
-        What the others' own residuals and the covariance of their pose lead to expect.
+        Expected from the others' own residuals and the covariance of their pose.
     """
 
     name: str
@@ -109,7 +109,7 @@ class BetweenFrameSigma:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CameraRefinement(KeptArrays):
-    """What the contours say about a camera.
+    """The contours' evidence on a camera.
 
     Parameters
     ----------
@@ -118,7 +118,8 @@ class CameraRefinement(KeptArrays):
     pose : Pose
         The one that belongs to it.
     outcome : {"refined", "confirmed", "weak"}
-        "confirmed" where the given camera is within the noise, "weak" where the geometry cannot tell; it is kept then.
+        "confirmed" where the given camera is within the noise, "weak" where the geometry does not determine it; the
+        given one is kept then.
     parameters : tuple of str
         Names, in order.
     given, found : (p,) array

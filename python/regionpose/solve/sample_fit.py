@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 class SampleFit:
     """Samples that a pose shows on the wrong side of the contour, pixels, and how many there are at all.
 
-    `beyond` (n, 2): inside the region, seen beyond its contour; `within` (m, 2): outside the region, seen within.
-    `count`: of the samples that tell something, which are nearest to an edge of the region's own.
+    `beyond` (n, 2): inside the region, projected beyond its contour; `within` (m, 2): outside the region, projected
+    within. `count`: of the samples that are nearest to an edge of the region's own; the others are uninformative.
     """
 
     beyond: Array
@@ -31,13 +31,13 @@ class SampleFit:
     count: int
 
     @property
-    def share(self) -> float:
-        """Share of the samples that lie on their side; NaN where none tells."""
+    def consistent_fraction(self) -> float:
+        """Fraction of the informative samples that lie on their side; NaN without any."""
         return 1.0 - (len(self.beyond) + len(self.within)) / self.count if self.count else float("nan")
 
 
 def sample_fit(camera: Camera, image: ImageRegion, world: WorldRegion, pose: Pose) -> SampleFit | None:
-    """On which sides of its contour a region's samples are seen at a pose; None for a region that has none.
+    """On which sides of its contour a region's samples project at a pose; None for a region that has none.
 
     Samples in a window of a region whose contour has no hole count for nothing, nor those nearest to the image's border
     or to a hidden edge.
@@ -53,9 +53,9 @@ def sample_fit(camera: Camera, image: ImageRegion, world: WorldRegion, pose: Pos
     for ring in image.rings:
         region = shapely.symmetric_difference(region, shapely.Polygon(ring))
     own, foreign = _edges(camera, image)
-    places = [_telling(pixels, own, foreign) for pixels in (inside, outside)]
-    shown = [shapely.contains_xy(region, pixels[:, 0], pixels[:, 1]) for pixels in places]
-    return SampleFit(places[0][~shown[0]], places[1][shown[1]], sum(map(len, places)))
+    places = [_informative(pixels, own, foreign) for pixels in (inside, outside)]
+    is_within = [shapely.contains_xy(region, pixels[:, 0], pixels[:, 1]) for pixels in places]
+    return SampleFit(places[0][~is_within[0]], places[1][is_within[1]], sum(map(len, places)))
 
 
 def _edges(camera: Camera, image: ImageRegion) -> tuple[shapely.MultiLineString, shapely.MultiLineString]:
@@ -65,10 +65,12 @@ def _edges(camera: Camera, image: ImageRegion) -> tuple[shapely.MultiLineString,
     return shapely.MultiLineString(list(edges[~marks])), shapely.MultiLineString(list(edges[marks]))
 
 
-def _telling(pixels: Array, own: shapely.MultiLineString, foreign: shapely.MultiLineString) -> Array:
-    """The pixels (n, 2) that are seen, and nearer to an edge of the region's own than to another."""
-    seen = pixels[np.isfinite(pixels).all(axis=1)]
-    points = shapely.points(seen)
+def _informative(pixels: Array, own: shapely.MultiLineString, foreign: shapely.MultiLineString) -> Array:
+    """The pixels (n, 2) in view that are nearer to an edge of the region's own than to another."""
+    visible = pixels[np.isfinite(pixels).all(axis=1)]
+    points = shapely.points(visible)
     # The distance from no edge is NaN, with which no comparison holds.
-    telling: Array = seen[~(shapely.distance(points, foreign) <= shapely.distance(points, own)) & (not own.is_empty)]
-    return telling
+    informative: Array = visible[
+        ~(shapely.distance(points, foreign) <= shapely.distance(points, own)) & (not own.is_empty)
+    ]
+    return informative

@@ -13,7 +13,7 @@ TOLERANCE = 1e-11
 """Relative change of cost and pose at which the scipy driver stops, as the native one."""
 
 GRADIENT_TOLERANCE = 1e-15
-"""Cosine between residual and Jacobian at which the scipy driver stops: MINPACK refuses to be told never to."""
+"""Cosine between residual and Jacobian at which the scipy driver stops: MINPACK takes no zero."""
 
 MOST_EVALUATIONS = 140
 """Evaluations of the equations for one minimum, as of the native driver."""
@@ -48,9 +48,9 @@ def scipy_minimum(search: _core.Search, rotation: Array, translation: Array) -> 
         gtol=GRADIENT_TOLERANCE,
         maxfev=MOST_EVALUATIONS,
     )
-    moved = _core.moved_pose(rotation, translation, counted - increments.unit)
+    pose = _core.retract_pose(rotation, translation, counted - increments.unit)
     cost, termination = float(details["fvec"] @ details["fvec"]), TERMINATIONS.get(code, " ".join(message.split()))
-    return _core.Minimum(*moved, cost, code in TERMINATIONS, termination, int(details["nfev"]))
+    return _core.Minimum(*pose, cost, code in TERMINATIONS, termination, int(details["nfev"]))
 
 
 class _Increments:

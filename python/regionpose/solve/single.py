@@ -24,7 +24,7 @@ def estimate_pose(
     prior: Prior | None = None,
     solver: Solver | None = None,
 ) -> PoseEstimate:
-    """The pose `camera_from_world` at which each world region looks like the image region at its place in the list.
+    """Estimate the pose `camera_from_world` from paired image and world regions.
 
     Weak, ambiguous or poorly fitting geometry is reported in the estimate's `warnings`.
 
@@ -87,7 +87,7 @@ def estimate_pose(
             limits=options.limits,
         )
         minima = [scipy_minimum(search, rotation, translation) for rotation, translation in search.candidates]
-        found = estimate_from_core(search.judged(minima))
+        found = estimate_from_core(search.assess(minima))
     if isinstance(found, PoseError):
         raise found
     return found

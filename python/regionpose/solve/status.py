@@ -16,7 +16,7 @@ class PoseStatus(StrEnum):
     """No warning: confidence and standard deviations are within their limits."""
 
     CHECK = "check"
-    """Warnings, none of which says that the true pose is a different one."""
+    """Warnings, none of which indicates that the true pose is a different one."""
 
     DOUBTFUL = "doubtful"
     """The true pose may be a different one."""

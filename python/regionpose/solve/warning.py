@@ -21,7 +21,7 @@ class PoseWarning:
     regions : tuple of int
         Indices of the regions concerned, in the lists that the pose was estimated from.
     values : mapping
-        Numbers and words of the text by name, with units in the names; shares and probabilities are fractions.
+        Numbers and words of the text by name, with units in the names; percentages and probabilities are fractions.
 
     Examples
     --------

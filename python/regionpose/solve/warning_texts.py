@@ -22,7 +22,7 @@ class WarningText:
     ----------
     text : str
         As of `str.format`, with the values by name: `{0}` is the first region, `{shift_m:length}` a length,
-        `{turn_deg:angle}` an angle, `{share:.1%}` a percentage.
+        `{turn_deg:angle}` an angle, `{fraction:.1%}` a percentage.
     advice : str
         What to do about it.
     otherwise : str
@@ -95,13 +95,13 @@ TEXTS: Mapping[WarningCode, WarningText] = {
         "Look at this region in the overlay: its mask or outline is wrong, or the pair does not match.",
     ),
     WarningCode.OUTLIER_REGION: WarningText(
-        "{0} does not fit this pose: {contour_share:.0%} of its contour lies on its projection, of the others"
-        " {contour_share_of_others:.0%}",
+        "{0} does not fit this pose: {contour_fraction:.0%} of its contour lies on its projection, of the others"
+        " {contour_fraction_of_others:.0%}",
         "Leave this region out, or correct it: its mask, its outline or the pair is wrong.",
     ),
     WarningCode.AMBIGUOUS_REGION: WarningText(
-        "{0} does not fit another pose that fits about as well, {rotation_deg:angle} away: {contour_share:.0%} of its"
-        " contour lies on its projection, of the others {contour_share_of_others:.0%}",
+        "{0} does not fit another pose that fits about as well, {rotation_deg:angle} away: {contour_fraction:.0%} of"
+        " its contour lies on its projection, of the others {contour_fraction_of_others:.0%}",
         "This region or the one that does not fit the pose itself is wrong: its mask, its outline or the pair.",
     ),
     WarningCode.SAMPLES_UNUSED: WarningText(
@@ -136,13 +136,13 @@ TEXTS: Mapping[WarningCode, WarningText] = {
         "Check viewpoint, the pair and the outline: one of them is wrong.",
     ),
     WarningCode.REGION_EDGE_CONFLICT: WarningText(
-        "edges of photo and cloud beside the regions lead to a pose {rotation_deg:angle} and {shift_m:length} from that"
-        " of the regions, {sigmas:.1f} of its standard deviations: one of them is wrong",
+        "the pose by edges of photo and cloud outside the regions is {rotation_deg:angle} and {shift_m:length} from"
+        " that of the regions, {sigmas:.1f} of its standard deviations: one of them is wrong",
         "Look at depth.png and edges.png: if they fit, a region's mask, outline or pair is wrong; if not, photo and"
         " cloud do not show the same scene.",
     ),
     WarningCode.OCCLUDED_REGION: WarningText(
-        "the photo shows {0}, but at this pose the cloud hides {hidden_share:.0%} of it, {distance_m:.1f} m from the"
+        "the photo shows {0}, but at this pose the cloud hides {hidden_fraction:.0%} of it, {distance_m:.1f} m from the"
         " camera, before the region at {region_distance_m:.1f} m",
         "Look at depth.png: something of the cloud stands before this region. Check the pairs, the focal length, and"
         " that photo and cloud are of one time; or add a prior.",
@@ -163,11 +163,11 @@ TEXTS: Mapping[WarningCode, WarningText] = {
         "Use a denser scan, a region that is larger or nearer, or its known outline as a polygon.",
     ),
     WarningCode.DUPLICATE_REGIONS: WarningText(
-        "{0} and {1} are one region on the {side} side: they share {share:.1%} of their union",
+        "{0} and {1} are one region on the {side} side: they share {fraction:.1%} of their union",
         "Two clicks grew one surface, or it was marked twice: mark one of them again, or leave it out.",
     ),
     WarningCode.LEAKED_MASK: WarningText(
-        "the mask of {0} covers {share:.0%} of the photo and reaches {sides} of its sides: it seems to have leaked",
+        "the mask of {0} covers {fraction:.0%} of the photo and reaches {sides} of its sides: it seems to have leaked",
         "Lower its tolerance, click elsewhere, or draw a polygon, unless the surface is that large.",
     ),
     WarningCode.SUSPICIOUS_UNIT: WarningText(
@@ -188,14 +188,14 @@ TEXTS: Mapping[WarningCode, WarningText] = {
         "Use a photo of the calibrated size, scale the calibration, or give its width and height if the photo was cut.",
     ),
     WarningCode.NON_INVERTIBLE_DISTORTION: WarningText(
-        "the lens model folds {angle_deg:.3g} deg off the axis, inside the photo: {pixel_share:.3%} of its pixels lie"
-        " beyond, where bearings are ambiguous or missing",
+        "the lens model folds {angle_deg:.3g} deg off the axis, inside the photo: {pixel_fraction:.3%} of its pixels"
+        " lie beyond, where bearings are ambiguous or missing",
         "Check the coefficients and their order, calibrate with targets out to the corners, or keep regions away from"
         " there.",
     ),
     WarningCode.RECTIFIED_PHOTO: WarningText(
         "the photo is called {name}, as rectified ones are, but its camera has distortion",
-        "Say so where it is rectified (camera: {file, rectified: true} in a scene); otherwise rename it.",
+        "State it where it is rectified (camera: {file, rectified: true} in a scene); otherwise rename it.",
     ),
     WarningCode.OUTLIER_FRAME: WarningText(
         "{name} disagrees with the other frames: at their pose its contours lie {residual_px:.1f} px off,"

@@ -28,8 +28,8 @@ def draw_depths(picture: Bytes, depth: Depths, near: float, far: float) -> None:
     for top in range(0, len(depth), STRIP_ROWS):
         strip = depth[top : top + STRIP_ROWS]
         covered = np.isfinite(strip)
-        share = np.log(far / strip[covered]) / np.float32(np.log(far / near))
-        shades = np.clip(share * (TABLE_SIZE - 1), 0, TABLE_SIZE - 1).astype(np.uint8)
+        fraction = np.log(far / strip[covered]) / np.float32(np.log(far / near))
+        shades = np.clip(fraction * (TABLE_SIZE - 1), 0, TABLE_SIZE - 1).astype(np.uint8)
         picture[top : top + STRIP_ROWS][covered] = depth_colors()[shades]
 
 
@@ -39,9 +39,9 @@ def depth_colors() -> Bytes:
 
     Lightness and hue of CIELAB run together at a constant chroma, and the table is spaced by the length of that path.
     """
-    share = np.linspace(0.0, 1.0, 4 * TABLE_SIZE)
-    lightness = LIGHTNESS[0] + share * (LIGHTNESS[1] - LIGHTNESS[0])
-    hue = np.radians(HUE_DEG[0] + share * (HUE_DEG[1] - HUE_DEG[0]))
+    fraction = np.linspace(0.0, 1.0, 4 * TABLE_SIZE)
+    lightness = LIGHTNESS[0] + fraction * (LIGHTNESS[1] - LIGHTNESS[0])
+    hue = np.radians(HUE_DEG[0] + fraction * (HUE_DEG[1] - HUE_DEG[0]))
     path = np.column_stack([lightness, CHROMA * np.cos(hue), CHROMA * np.sin(hue)])
     displayable = rgb2lab(np.clip(lab2rgb(path), 0.0, 1.0))
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(displayable, axis=0), axis=1))])

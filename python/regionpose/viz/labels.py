@@ -63,8 +63,8 @@ def _dense(lines: Sequence[Array]) -> Array:
         with np.errstate(invalid="ignore"):
             counts = np.nan_to_num(np.clip(np.hypot(*steps.T) / POINT_STEP, 1, MOST_POINTS), nan=1.0).astype(np.int64)
         edge = np.repeat(np.arange(len(steps)), counts)
-        share = (np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[edge]
-        points.append(start[edge] + share[:, None] * steps[edge])
+        fraction = (np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[edge]
+        points.append(start[edge] + fraction[:, None] * steps[edge])
     return np.concatenate(points)
 
 

@@ -33,16 +33,16 @@ DISAGREES: Color = (255, 0, 200)
 OUTSIDE: Color = (255, 255, 255)
 """A blue, an orange and white: distinct with every common color blindness (after Okabe and Ito 2008)."""
 
-LINE_SHARE, DOT_SHARE = 1 / 700, 1 / 1300
+LINE_FRACTION, DOT_FRACTION = 1 / 700, 1 / 1300
 """Width of a line and radius of a dot over the image's diagonal."""
 
-EDGE_DOT_SHARE = 1 / 600
+EDGE_DOT_FRACTION = 1 / 600
 """Radius of a step's dot over the image's diagonal: seen without hiding the edge that it lies on."""
 
 THINNEST_LINE = 1.5
 """Pixels; what is thinner can't be seen."""
 
-BACKGROUND_SHARE = 0.55
+BACKGROUND_FRACTION = 0.55
 """Brightness that is left of the gray image under a colored cloud."""
 
 
@@ -84,7 +84,7 @@ def overlay_regions(
     picture = checked_image(image).copy()
     camera.check_size(picture.shape)
     observed = _checked_pairs(camera, image_regions, world_regions, labels)
-    width = max(THINNEST_LINE, LINE_SHARE * float(np.hypot(*picture.shape[:2])))
+    width = max(THINNEST_LINE, LINE_FRACTION * float(np.hypot(*picture.shape[:2])))
     projected = [projected_rings(camera, region, pose) for region in world_regions]
     lines = repeated(camera, [np.concatenate([ring, ring[:1]]) for region in observed for ring in region.rings])
     _draw_outlines(picture, lines, [ring for region in projected for ring in region], width)
@@ -168,7 +168,7 @@ def overlay_depth(
     pixels, distances = project_points(camera, points, pose, colors.shape[:2], hidden=False)
     visible = np.flatnonzero(np.isfinite(distances) & (distances > 0.0))
     near, far = checked_limits(limits_m, distances[visible])
-    dot = DOT_SHARE * float(np.hypot(*colors.shape[:2])) if radius_px is None else radius_px
+    dot = DOT_FRACTION * float(np.hypot(*colors.shape[:2])) if radius_px is None else radius_px
     picture = _dimmed(colors)
     draw_depths(picture, depth_dots(pixels[visible], distances[visible], colors.shape[:2], dot), near, far)
     return with_bar(picture, near, far)
@@ -179,7 +179,7 @@ def overlay_edges(image: ArrayLike, alignment: Alignment) -> Bytes:
     where none does.
     """
     picture = checked_image(image).copy()
-    radius = EDGE_DOT_SHARE * float(np.hypot(*picture.shape[:2]))
+    radius = EDGE_DOT_FRACTION * float(np.hypot(*picture.shape[:2]))
     for agrees, color in ((False, DISAGREES), (True, AGREES)):
         draw_dots(picture, alignment.places[alignment.agrees == agrees], radius, color)
     return picture
@@ -187,6 +187,6 @@ def overlay_edges(image: ArrayLike, alignment: Alignment) -> Bytes:
 
 def _dimmed(colors: Bytes) -> Bytes:
     """The image in gray, (h, w, 3), its brightness reduced."""
-    levels = np.round(BACKGROUND_SHARE * np.arange(256)).astype(np.uint8)
+    levels = np.round(BACKGROUND_FRACTION * np.arange(256)).astype(np.uint8)
     gray = levels[np.asarray(Image.fromarray(colors).convert("L"))]
     return np.repeat(gray[..., None], 3, axis=2)

@@ -22,7 +22,7 @@ CASING: Color = (16, 16, 20)
 PAPER: Color = (255, 255, 255)
 PANEL_OPACITY = 0.72
 
-TEXT_SHARE, SMALLEST_TEXT = 1 / 75, 13
+TEXT_FRACTION, SMALLEST_TEXT = 1 / 75, 13
 """Height of a letter over the image's diagonal, and in pixels at the least: what is smaller can't be read."""
 
 SUPERSAMPLING, STRIP_ROWS = 4, 512
@@ -66,13 +66,15 @@ def draw_dots(picture: Bytes, places: Array, radius: float, color: Color) -> Non
 
 def _blend(area: Bytes, ink: Bytes, color: Color, opacity: float) -> None:
     rows, columns = np.nonzero(ink)
-    share = (ink[rows, columns] * np.float32(opacity / 255.0))[:, None]
-    area[rows, columns] = np.round(area[rows, columns] * (1.0 - share) + np.array(color, dtype=np.float32) * share)
+    fraction = (ink[rows, columns] * np.float32(opacity / 255.0))[:, None]
+    area[rows, columns] = np.round(
+        area[rows, columns] * (1.0 - fraction) + np.array(color, dtype=np.float32) * fraction
+    )
 
 
 def font_for(picture: Bytes) -> Font:
     """The font of texts on a picture of its size."""
-    size = max(SMALLEST_TEXT, round(TEXT_SHARE * float(np.hypot(*picture.shape[:2]))))
+    size = max(SMALLEST_TEXT, round(TEXT_FRACTION * float(np.hypot(*picture.shape[:2]))))
     try:
         return ImageFont.load_default(size=size)
     except TypeError:  # Pillow 10.0 has one size only

@@ -53,8 +53,8 @@ def _projected_ring(ring: Array, camera: Camera, pose: Pose) -> Array:
     start = pose.transform(ring)
     end = np.roll(start, -1, axis=0)
     lengths = np.linalg.norm(end - start, axis=1)
-    share = np.clip(-np.sum(start * (end - start), axis=1) / np.maximum(lengths**2, 1e-300), 0.0, 1.0)[:, None]
-    closest = np.linalg.norm(start + share * (end - start), axis=1)
+    fraction = np.clip(-np.sum(start * (end - start), axis=1) / np.maximum(lengths**2, 1e-300), 0.0, 1.0)[:, None]
+    closest = np.linalg.norm(start + fraction * (end - start), axis=1)
     parts = np.clip(np.ceil(lengths / np.maximum(closest * ARC_STEP, 1e-300)), 1, MOST_PARTS).astype(np.int64)
     edge = np.repeat(np.arange(len(ring)), parts)
     within = (np.arange(len(edge)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[edge]

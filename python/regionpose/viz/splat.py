@@ -16,7 +16,7 @@ MOST_POINTS = 400_000
 
 BACKGROUND = (24, 27, 33)
 NEAREST = 0.05
-"""Points nearer than this share of the target's distance are left out: they would hide everything."""
+"""Points nearer than this fraction of the target's distance are left out: they would hide everything."""
 
 LARGEST_SPLAT = 5
 """Side of the largest square, pixels."""

@@ -36,13 +36,13 @@ mod _core {
     #[pymodule_export]
     use crate::pose_search::{AlignmentFrame, CloudEdges, Density, Projection, edge_spreads, search_poses};
     #[pymodule_export]
-    use crate::poses::{moved_pose, nearness};
+    use crate::poses::{retract_pose, rotation_confidence};
     #[pymodule_export]
     use crate::prior::Prior;
     #[pymodule_export]
     use crate::regions::{ObservedRegion, WorldRegion};
     #[pymodule_export]
-    use crate::solve::{Estimate, Minimum, Problem, Search, Solution, estimate_batch, work_done};
+    use crate::solve::{Estimate, Minimum, Problem, Search, Solution, estimate_batch, work_counter};
 
     #[pymodule_export]
     const TRUSTED: f64 = regionpose::internals::verdict::solution::TRUSTED;

@@ -63,28 +63,28 @@ impl From<Error> for Failure {
 /// Edges of a cloud in the world, as seen from a place: where surfaces end, and where their shade changes.
 ///
 /// `points` (n, 3), world coordinates, meters; those that are not finite are left out. `place` (3,). `cell`, rad: of points whose
-/// bearings differ by less the nearest hides the others. `gap`, rad: neighbors farther apart are none. `share`: how far an edge goes
-/// beyond the plane of the near side, as a share of the inverse distance. `shades` (n,) on any scale. ValueError for other shapes.
+/// bearings differ by less the nearest hides the others. `gap`, rad: neighbors farther apart are none. `step_fraction`: how far an edge
+/// goes beyond the plane of the near side, as a fraction of the inverse distance. `shades` (n,) on any scale. ValueError for other shapes.
 #[pyclass(frozen, module = "regionpose._core")]
 pub struct CloudEdges(cloud_edges::CloudEdges);
 
 #[pymethods]
 impl CloudEdges {
     #[new]
-    #[pyo3(signature = (points, place, cell, gap, share, shades=None))]
+    #[pyo3(signature = (points, place, cell, gap, step_fraction, shades=None))]
     fn new(
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
         place: &Bound<'_, PyAny>,
         cell: f64,
         gap: f64,
-        share: f64,
+        step_fraction: f64,
         shades: Option<PyReadonlyArray1<'_, f64>>,
     ) -> PyResult<Self> {
         crate::alignment::check_angles(cell, gap)?;
         let (points, place) = (self::points::<3>("points", points)?, vector("place", place)?);
         let shades = crate::alignment::shades_of(shades, points.len())?;
-        let options = EdgeOptions { cell, gap, share };
+        let options = EdgeOptions { cell, gap, step_fraction };
         Ok(Self(py.detach(|| cloud_edges::CloudEdges::new(&points, shades.as_deref(), &place, &options))))
     }
 
@@ -148,14 +148,14 @@ impl AlignmentFrame {
     }
 
     /// Pixels (n, 2) of the photo at which edges are seen at a pose, and the numbers (n,) of the directions across them.
-    fn seen<'py>(
+    fn project_edges<'py>(
         &self,
         py: Python<'py>,
         rotation: &Bound<'py, PyAny>,
         translation: &Bound<'py, PyAny>,
-    ) -> PyResult<SeenArrays<'py>> {
+    ) -> PyResult<EdgeArrays<'py>> {
         let pose = pose(rotation, translation)?;
-        let (pixels, directions) = self.0.seen_from(&pose, SPREADS - 1).pixels(&pose);
+        let (pixels, directions) = self.0.visible_edges(&pose, SPREADS - 1).pixels(&pose);
         let directions = directions.into_iter().map(|direction| direction as i64).collect();
         Ok((array(py, &pixels)?, PyArray1::from_vec(py, directions)))
     }
@@ -166,7 +166,7 @@ fn check_spread(spread: usize) -> PyResult<()> {
     if spread < SPREADS { Ok(()) } else { Err(refused()) }
 }
 
-type SeenArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i64>>);
+type EdgeArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i64>>);
 
 fn picture(values: &PyReadonlyArray3<'_, f32>, reduction: usize) -> Option<LogRatios> {
     let shape = values.shape();
@@ -204,14 +204,14 @@ impl Density {
 }
 
 /// A maximum of the posterior: rotation (3, 3), translation (3,), covariance (6, 6) of the left increment, logarithm of the mass about
-/// it, of the likelihood ratio at it, and how many edges are seen.
+/// it, of the likelihood ratio at it, and how many edges are visible.
 type ModeArrays<'py> =
     (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>, f64, f64, usize);
 
 /// The maxima of the posterior of the pose that frames share, of the largest mass first.
 ///
 /// `starts`: poses to refine beside `draws` drawn ones. `kept`: how many of the best at each spread but the finest are refined at
-/// the next one. `threads`: all cores for None. `progress`: called with the share of the work that is done; an exception that it raises
+/// the next one. `threads`: all cores for None. `progress`: called with the fraction of the work that is done; an exception that it raises
 /// ends the search.
 #[pyfunction]
 #[pyo3(signature = (frames, density, starts, draws, kept, threads=None, progress=None))]
@@ -231,7 +231,7 @@ pub fn search_poses<'py>(
         starts.iter().map(|(rotation, translation)| pose(rotation, translation)).collect::<PyResult<Vec<_>>>()?;
     let options = SearchOptions { draws, kept, threads };
     let done = SearchProgress::default();
-    let watch = |py: Python<'_>| progress.as_ref().map_or(Ok(()), |call| call.call1(py, (done.share(),)).map(drop));
+    let watch = |py: Python<'_>| progress.as_ref().map_or(Ok(()), |call| call.call1(py, (done.fraction(),)).map(drop));
     let found = watched_threads(py, watch, |stop| {
         let search = || search::search_with_progress(&frames, &density.0, &starts, &options, &done);
         budget::cancellable(stop.clone(), search)

@@ -12,13 +12,13 @@ pub type RotationTranslation<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArr
 /// Probability that a pose at the right place, of this covariance (6, 6) of its left increment, is within 5 degrees of the true
 /// one.
 #[pyfunction]
-pub fn nearness(covariance: &Bound<'_, PyAny>) -> PyResult<f64> {
+pub fn rotation_confidence(covariance: &Bound<'_, PyAny>) -> PyResult<f64> {
     Ok(verdict::nearness::nearness(&self::covariance(covariance)?))
 }
 
 /// Rotation (3, 3) and translation (3,) of a pose moved by a left increment (6,).
 #[pyfunction]
-pub fn moved_pose<'py>(
+pub fn retract_pose<'py>(
     py: Python<'py>,
     rotation: &Bound<'py, PyAny>,
     translation: &Bound<'py, PyAny>,

@@ -89,7 +89,7 @@ impl WorldRegion {
     }
 
     /// The same region of which a viewpoint lies on the side that the camera sees.
-    fn seen_from(&self, viewpoint: &Bound<'_, PyAny>) -> PyResult<Self> {
+    fn with_viewpoint(&self, viewpoint: &Bound<'_, PyAny>) -> PyResult<Self> {
         let viewpoint = crate::arrays::vector("viewpoint", viewpoint)?;
         self.0.clone().seen_from(viewpoint).map(Self).map_err(value_error)
     }

@@ -194,7 +194,7 @@ impl Solution {
     }
 
     #[getter]
-    fn share(&self) -> f64 {
+    fn mode_probability(&self) -> f64 {
         self.held().mode_probability
     }
 
@@ -230,7 +230,7 @@ impl Estimate {
     /// Share of the contours that is disturbed, or of the samples on the wrong side of them, a fraction; None where the pose is
     /// that of the moments.
     #[getter]
-    fn disturbed_share(&self) -> Option<f64> {
+    fn outlier_fraction(&self) -> Option<f64> {
         if let Some(posterior) = &self.0.best.posterior {
             return Some(posterior.wrong_fractions.iter().sum::<f64>() / posterior.wrong_fractions.len().max(1) as f64);
         }
@@ -260,7 +260,7 @@ impl Estimate {
 
     /// (regions, ends (2, 3)) of each edge that two regions share.
     #[getter]
-    fn creases<'py>(&self, py: Python<'py>) -> PyResult<Vec<RegionsEnds<'py>>> {
+    fn shared_edges<'py>(&self, py: Python<'py>) -> PyResult<Vec<RegionsEnds<'py>>> {
         let creases = self.0.creases.iter();
         creases
             .map(|(regions, ends)| Ok((*regions, matrix(py, ends.iter().flatten().copied().collect(), [2, 3])?)))
@@ -315,7 +315,7 @@ impl Problem {
         detached(py, || sides.problem(system, integration))?.map(Self).map_err(value_error)
     }
 
-    /// Cost of one evaluation of all of the problem, in units of `work_done`.
+    /// Cost of one evaluation of all of the problem, in units of `work_counter`.
     #[getter]
     fn work(&self) -> u64 {
         self.0.work()
@@ -361,7 +361,7 @@ impl Problem {
         Ok((whole, PyArray1::from_vec(py, errors)))
     }
 
-    /// The warning, as of `Estimate.warnings`, of a pose of this covariance (6, 6) where that exceeds `limits`, degrees and a share of
+    /// The warning, as of `Estimate.warnings`, of a pose of this covariance (6, 6) where that exceeds `limits`, degrees and a fraction of
     /// the distance; else None.
     #[pyo3(signature = (rotation, translation, covariance, *, limits = None))]
     fn weak_geometry<'py>(
@@ -427,9 +427,9 @@ fn parsed_options(
     })
 }
 
-/// Limits of the deviations of a trusted pose, degrees and a share of the distance.
-fn parsed_limits([degrees, share]: [f64; 2]) -> PyResult<Limits> {
-    let (rotation, translation) = (at_least_zero("limits[0]", degrees)?, at_least_zero("limits[1]", share)?);
+/// Limits of the deviations of a trusted pose, degrees and a fraction of the distance.
+fn parsed_limits([degrees, fraction]: [f64; 2]) -> PyResult<Limits> {
+    let (rotation, translation) = (at_least_zero("limits[0]", degrees)?, at_least_zero("limits[1]", fraction)?);
     Ok(Limits { rotation: rotation.to_radians(), translation })
 }
 
@@ -479,7 +479,7 @@ impl Search {
     }
 
     /// The verdict, with the minima that a driver found from the candidates; None without a pose in view.
-    fn judged(&self, py: Python<'_>, minima: Vec<PyRef<'_, Minimum>>) -> PyResult<Option<Estimate>> {
+    fn assess(&self, py: Python<'_>, minima: Vec<PyRef<'_, Minimum>>) -> PyResult<Option<Estimate>> {
         let minima = minima.iter().map(|minimum| minimum.0.clone()).collect();
         Ok(in_view(detached(py, || self.0.clone().assess(minima))?).map_err(value_error)?.map(Estimate::new))
     }
@@ -508,7 +508,7 @@ type PySides<'py> = (Vec<PyRef<'py, ObservedRegion>>, Vec<PyRef<'py, WorldRegion
 
 /// The work that this thread has charged to the budget of searches so far, in edge evaluations.
 #[pyfunction]
-pub fn work_done() -> u64 {
+pub fn work_counter() -> u64 {
     budget::charged()
 }
 

@@ -14,7 +14,7 @@ pub fn warning_fields<'py>(py: Python<'py>, warning: &Warning) -> PyResult<Warni
     Ok((warning.code(), warning.region().into_iter().collect(), values_of(py, warning)?))
 }
 
-/// The numbers of a warning, shares as fractions.
+/// The numbers of a warning, percentages as fractions.
 fn values_of<'py>(py: Python<'py>, warning: &Warning) -> PyResult<Bound<'py, PyDict>> {
     let values = PyDict::new(py);
     let set = |name: &str, value: f64| values.set_item(name, value);
@@ -22,8 +22,8 @@ fn values_of<'py>(py: Python<'py>, warning: &Warning) -> PyResult<Bound<'py, PyD
         Warning::Ambiguous { others } => set_others(&values, others)?,
         Warning::PoorOverlap { percent, .. } => set("overlap_error", PERCENT * percent)?,
         Warning::OutlierRegion { percent, others, .. } | Warning::AmbiguousRegion { percent, others, .. } => {
-            set("contour_share", PERCENT * percent)?;
-            set("contour_share_of_others", PERCENT * others)?;
+            set("contour_fraction", PERCENT * percent)?;
+            set("contour_fraction_of_others", PERCENT * others)?;
             if let Warning::AmbiguousRegion { degrees, .. } = warning {
                 set("rotation_deg", *degrees)?;
             }

@@ -4,7 +4,7 @@ use std::array;
 
 use nalgebra::Vector3;
 
-use super::edges::{Seen, Step};
+use super::edges::{Step, VisiblePoints};
 use super::groups::{Floats, GROUP};
 use crate::geometry::pose::Pose;
 
@@ -27,8 +27,8 @@ pub struct EdgeOptions {
     pub cell: f64,
     /// Neighbors farther apart are none, rad.
     pub gap: f64,
-    /// How far an edge goes beyond the plane of the near side, as a share of the inverse distance.
-    pub share: f64,
+    /// How far an edge goes beyond the plane of the near side, as a fraction of the inverse distance.
+    pub step_fraction: f64,
 }
 
 impl CloudEdges {
@@ -37,9 +37,9 @@ impl CloudEdges {
         let local: Vec<_> = points.iter().map(|point| point - place).collect();
         // What is left out hides nothing, either; a point in the center is none.
         let beyond = |point: &Vector3<f64>| if point.norm() > LEAST_DISTANCE { *point } else { Vector3::zeros() };
-        let seen = Seen::new(&local.iter().map(beyond).collect::<Vec<_>>(), options.cell, options.gap);
-        let mut steps = seen.depth_steps(options.share);
-        steps.extend(shades.map_or(Vec::new(), |shades| seen.shade_steps(shades, options.share)));
+        let visible = VisiblePoints::new(&local.iter().map(beyond).collect::<Vec<_>>(), options.cell, options.gap);
+        let mut steps = visible.depth_steps(options.step_fraction);
+        steps.extend(shades.map_or(Vec::new(), |shades| visible.shade_steps(shades, options.step_fraction)));
         Self::of(&steps, place)
     }
 
@@ -202,8 +202,8 @@ mod tests {
                 prop_assert!(times <= 1, "a group comes {times} times");
                 for edge in 0..group.count {
                     let middle = Vector3::from_fn(|axis, _| f64::from(group.middles[axis][edge]));
-                    let seen = pose.transform(&middle);
-                    let off = seen.xy().norm().atan2(seen.z);
+                    let local = pose.transform(&middle);
+                    let off = local.xy().norm().atan2(local.z);
                     prop_assert!(times == 1 || off > angle - 1e-5, "{off} of {angle}");
                 }
             }

@@ -14,7 +14,7 @@ pub const FREEDOM: f64 = 4.0;
 /// Nodes of the rule over scales: the logarithm of the mass is exact to 0.1 within three deviations, and to 0.3 at six.
 const SCALES: usize = 12;
 
-/// Information below this share of the largest is none: rounding.
+/// Information below this fraction of the largest is none: rounding.
 const OPEN: f64 = 1e-12;
 
 /// Least scale of Student's deviates: fewer than one in a million are below.

@@ -3,7 +3,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-/// The weak Wolfe conditions: the share of the decrease that the slope foretells, and the share of the slope that may be left. The
+/// The weak Wolfe conditions: the fraction of the decrease that the slope predicts, and the fraction of the slope that may be left. The
 /// usual ones of quasi-Newton methods (Nocedal and Wright, Numerical Optimization, 3.1).
 const DECREASE: f64 = 1e-3;
 const CURVATURE: f64 = 0.9;

@@ -54,14 +54,14 @@ impl Sample {
 /// The numbers of a sample's nearest neighbors, one in each sector.
 type Neighbors = [Option<u32>; SECTORS];
 
-/// The points that are seen from a place, and what lies around each.
+/// The points that are visible from a place, and the neighbors of each.
 #[derive(Debug)]
-pub struct Seen {
+pub struct VisiblePoints {
     samples: Vec<Sample>,
     around: Vec<Neighbors>,
 }
 
-impl Seen {
+impl VisiblePoints {
     /// The visible ones of points given relative to the camera's center, meters, in any axes.
     ///
     /// `cell`, rad: of points whose bearings differ by less, the nearest one hides the others. `gap`, rad: neighbors farther apart
@@ -72,24 +72,24 @@ impl Seen {
         Self { samples, around }
     }
 
-    /// Where a near surface ends: the step goes beyond the plane through the near side by more than this share of the inverse
+    /// Where a near surface ends: the step goes beyond the plane through the near side by more than this fraction of the inverse
     /// distance.
-    pub fn depth_steps(&self, share: f64) -> Vec<Step> {
+    pub fn depth_steps(&self, step_fraction: f64) -> Vec<Step> {
         let ends = (0..self.samples.len()).flat_map(|near| {
-            let far = array::from_fn::<_, SECTORS, _>(|sector| self.end_of(near, sector, share));
+            let far = array::from_fn::<_, SECTORS, _>(|sector| self.end_of(near, sector, step_fraction));
             far.into_iter().flatten().map(move |far| self.step(near, far))
         });
         ends.collect()
     }
 
     /// Where the shade of a surface changes from neighbor to neighbor, and not beside them. `shades`: one of each point given, on any
-    /// scale. `share`: samples whose inverse distances differ by more are not one surface. None where there are fewer shades than
+    /// scale. `step_fraction`: samples whose inverse distances differ by more are not one surface. None where there are fewer shades than
     /// points; shades that are not finite are unknown.
-    pub fn shade_steps(&self, shades: &[f64], share: f64) -> Vec<Step> {
+    pub fn shade_steps(&self, shades: &[f64], step_fraction: f64) -> Vec<Step> {
         let held: Option<Vec<f64>> = self.samples.iter().map(|sample| shades.get(sample.point).copied()).collect();
         let Some(shades) = held else { return Vec::new() };
         let rows = (0..self.samples.len())
-            .flat_map(|index| (0..SECTORS).filter_map(move |sector| self.row_of(index, sector, share)));
+            .flat_map(|index| (0..SECTORS).filter_map(move |sector| self.row_of(index, sector, step_fraction)));
         let (mut sum, mut count) = (0.0, 0_usize);
         let mut changes = Vec::new();
         for change in rows.filter_map(|row| Change::new(row, &shades)) {
@@ -118,19 +118,19 @@ impl Seen {
     }
 
     /// The neighbor in a sector before which a sample's surface ends.
-    fn end_of(&self, index: usize, sector: usize, share: f64) -> Option<usize> {
+    fn end_of(&self, index: usize, sector: usize, step_fraction: f64) -> Option<usize> {
         let (before, beyond) = (self.neighbor(index, sector + SECTORS / 2)?, self.neighbor(index, sector)?);
         let here = self.samples[index];
         let [before, after] = [before, beyond].map(|number| self.samples[number]);
-        (excess(&here, &before, &after) > share * here.inverse).then_some(beyond)
+        (excess(&here, &before, &after) > step_fraction * here.inverse).then_some(beyond)
     }
 
     /// Four samples of a surface in a row: the one before, the sample, its neighbor in the sector, and the one beyond that.
-    fn row_of(&self, index: usize, sector: usize, share: f64) -> Option<[usize; 4]> {
+    fn row_of(&self, index: usize, sector: usize, step_fraction: f64) -> Option<[usize; 4]> {
         let (before, next) = (self.neighbor(index, sector + SECTORS / 2)?, self.neighbor(index, sector)?);
         let row = [before, index, next, self.neighbor(next, sector)?];
         let inverse = |number: usize| self.samples[number].inverse;
-        let is_near = |pair: &[usize]| (inverse(pair[0]) - inverse(pair[1])).abs() < share * inverse(index);
+        let is_near = |pair: &[usize]| (inverse(pair[0]) - inverse(pair[1])).abs() < step_fraction * inverse(index);
         row.windows(2).all(is_near).then_some(row)
     }
 }
@@ -163,8 +163,8 @@ fn excess(here: &Sample, before: &Sample, beyond: &Sample) -> f64 {
 
 /// The samples that no other one in their cell hides, in the order of the cells.
 fn visible(points: &[Vector3<f64>], cell: f64) -> Vec<Sample> {
-    let seen = points.iter().enumerate().filter_map(|(number, point)| Sample::new(number, point));
-    let mut placed: Vec<Placed> = seen.map(|sample| Placed::new(&sample.bearing, cell, sample.point)).collect();
+    let finite = points.iter().enumerate().filter_map(|(number, point)| Sample::new(number, point));
+    let mut placed: Vec<Placed> = finite.map(|sample| Placed::new(&sample.bearing, cell, sample.point)).collect();
     placed.sort_unstable();
     let nearest = |held: &[Placed]| {
         let samples = held.iter().filter_map(|place| Sample::new(place.number(), &points[place.number()]));

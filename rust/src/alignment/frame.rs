@@ -82,14 +82,14 @@ impl Frame {
     }
 
     /// The edges that a camera at a pose sees, for sums at poses near it.
-    pub fn seen_from(&self, pose: &Pose, spread: usize) -> SeenEdges<'_> {
-        let mut seen = SeenEdges { frame: self, spread, groups: Vec::new(), count: 0 };
+    pub fn visible_edges(&self, pose: &Pose, spread: usize) -> VisibleEdges<'_> {
+        let mut visible = VisibleEdges { frame: self, spread, groups: Vec::new(), count: 0 };
         if budget::is_canceled() {
-            return seen;
+            return visible;
         }
-        let evaluated = vectorized(Find { pose, seen: &mut seen });
+        let evaluated = vectorized(Find { pose, visible: &mut visible });
         budget::charge(evaluated);
-        seen
+        visible
     }
 
     /// Cosine and sine of the largest angle from the camera's axis that the photo shows.
@@ -115,7 +115,7 @@ impl NullaryFnOnce for Sum<'_> {
         let local = Local::new(pose, &frame.origin);
         let (mut sum, mut count, mut evaluated) = (0.0, 0, 0);
         for group in frame.edges[spread].within(&local.pose, frame.cone()) {
-            let (pixels, ways) = frame.view.seen(&local, group);
+            let (pixels, ways) = frame.view.project(&local, group);
             let around = frame.view.pictures[spread].around(&pixels, &directions_of(&ways));
             sum += total(&around.values(), &around.shown);
             count += around.count();
@@ -125,10 +125,10 @@ impl NullaryFnOnce for Sum<'_> {
     }
 }
 
-/// Fills in the edges that are seen from a pose, and counts those evaluated.
+/// Fills in the edges that are visible from a pose, and counts those evaluated.
 struct Find<'a, 'b> {
     pose: &'a Pose,
-    seen: &'a mut SeenEdges<'b>,
+    visible: &'a mut VisibleEdges<'b>,
 }
 
 impl NullaryFnOnce for Find<'_, '_> {
@@ -136,16 +136,16 @@ impl NullaryFnOnce for Find<'_, '_> {
 
     #[inline(always)]
     fn call(self) -> Self::Output {
-        let Self { pose, seen } = self;
-        let frame = seen.frame;
+        let Self { pose, visible } = self;
+        let frame = visible.frame;
         let local = Local::new(pose, &frame.origin);
         let mut evaluated = 0;
-        for group in frame.edges[seen.spread].within(&local.pose, frame.cone()) {
-            let (pixels, ways) = frame.view.seen(&local, group);
+        for group in frame.edges[visible.spread].within(&local.pose, frame.cone()) {
+            let (pixels, ways) = frame.view.project(&local, group);
             let directions = directions_of(&ways);
             for edge in 0..GROUP {
                 if pixels.iter().chain(&ways).all(|values| values[edge].is_finite()) {
-                    seen.push([0, 1, 2].map(|axis| group.middles[axis][edge]), directions[edge]);
+                    visible.push([0, 1, 2].map(|axis| group.middles[axis][edge]), directions[edge]);
                 }
             }
             evaluated += group.count;
@@ -157,11 +157,11 @@ impl NullaryFnOnce for Find<'_, '_> {
 impl PhotoView {
     /// The pixels of edges and the ways across them there, from a pose; NaN where they are not seen.
     #[inline(always)]
-    fn seen(&self, local: &Local, edges: &EdgeGroup) -> ([Floats; 2], [Floats; 2]) {
+    fn project(&self, local: &Local, edges: &EdgeGroup) -> ([Floats; 2], [Floats; 2]) {
         let places = self.projection.places(&local.transform(&edges.middles));
-        let seen = self.projection.pixels(&places);
-        let ways = seen.moved(&places, &local.turn(&edges.across));
-        (seen.pixels, ways)
+        let projected = self.projection.pixels(&places);
+        let ways = projected.moved(&places, &local.turn(&edges.across));
+        (projected.pixels, ways)
     }
 }
 
@@ -207,26 +207,26 @@ impl Local {
 
 /// Edges as a camera sees them, each across a direction of the photo that stays as it is.
 #[derive(Debug, Clone)]
-pub struct SeenEdges<'a> {
+pub struct VisibleEdges<'a> {
     frame: &'a Frame,
     spread: usize,
-    groups: Vec<SeenGroup>,
+    groups: Vec<VisibleGroup>,
     count: usize,
 }
 
 /// A group of them; NaN where they are fewer than it holds.
 #[derive(Debug, Clone)]
-struct SeenGroup {
+struct VisibleGroup {
     /// About the frame's origin.
     points: [Floats; 3],
     directions: Numbers,
 }
 
-impl SeenEdges<'_> {
+impl VisibleEdges<'_> {
     fn push(&mut self, point: [f32; 3], direction: i32) {
         let place = self.count % GROUP;
         if place == 0 {
-            self.groups.push(SeenGroup { points: [[f32::NAN; GROUP]; 3], directions: [0; GROUP] });
+            self.groups.push(VisibleGroup { points: [[f32::NAN; GROUP]; 3], directions: [0; GROUP] });
         }
         if let Some(group) = self.groups.last_mut() {
             for (held, value) in group.points.iter_mut().zip(point) {
@@ -254,17 +254,17 @@ impl SeenEdges<'_> {
     /// The pixels at which the edges are seen at a pose, and the numbers of the directions across them.
     pub fn pixels(&self, pose: &Pose) -> (Vec<Vector2<f64>>, Vec<usize>) {
         let local = Local::new(pose, &self.frame.origin);
-        let seen = self.groups.iter().flat_map(|group| {
-            let [x, y] = self.seen(&local, group).2.pixels;
-            let seen = move |edge: usize| (Vector2::new(x[edge], y[edge]).cast(), group.directions[edge] as usize);
-            (0..GROUP).map(seen).filter(|(pixel, _)| pixel.iter().all(|value: &f64| value.is_finite()))
+        let visible = self.groups.iter().flat_map(|group| {
+            let [x, y] = self.project(&local, group).2.pixels;
+            let of_edge = move |edge: usize| (Vector2::new(x[edge], y[edge]).cast(), group.directions[edge] as usize);
+            (0..GROUP).map(of_edge).filter(|(pixel, _)| pixel.iter().all(|value: &f64| value.is_finite()))
         });
-        seen.unzip()
+        visible.unzip()
     }
 
     /// The bearings of a group of edges, where these meet the cube, and where the camera sees them.
     #[inline(always)]
-    fn seen(&self, local: &Local, group: &SeenGroup) -> ([Floats; 3], Places, Pixels) {
+    fn project(&self, local: &Local, group: &VisibleGroup) -> ([Floats; 3], Places, Pixels) {
         let bearings = local.transform(&group.points);
         let places = self.frame.view.projection.places(&bearings);
         let pixels = self.frame.view.projection.pixels(&places);
@@ -274,7 +274,7 @@ impl SeenEdges<'_> {
 
 /// The sum of log likelihood ratios at a pose, how many edges the photo shows, and the derivative of the sum by a left increment.
 struct SumAndSlope<'a> {
-    edges: &'a SeenEdges<'a>,
+    edges: &'a VisibleEdges<'a>,
     pose: &'a Pose,
 }
 
@@ -288,11 +288,11 @@ impl NullaryFnOnce for SumAndSlope<'_> {
         let picture = &edges.frame.view.pictures[edges.spread];
         let (mut sum, mut count, mut slope) = (0.0, 0, [0.0; 6]);
         for group in &edges.groups {
-            let (bearings, places, seen) = edges.seen(&local, group);
-            let around = picture.around(&seen.pixels, &group.directions);
+            let (bearings, places, projected) = edges.project(&local, group);
+            let around = picture.around(&projected.pixels, &group.directions);
             sum += total(&around.values(), &around.shown);
             count += around.count();
-            let by_bearings = seen.by_bearings(&places, &around.slopes());
+            let by_bearings = projected.by_bearings(&places, &around.slopes());
             for (sum, terms) in slope.iter_mut().zip(by_increments(&bearings, &by_bearings)) {
                 *sum += total(&terms, &around.shown);
             }
@@ -303,7 +303,7 @@ impl NullaryFnOnce for SumAndSlope<'_> {
 
 /// The sum of the squares by which left increments of a pose move edges that the photo shows, pixels, and how many these are.
 struct SquareMoves<'a> {
-    edges: &'a SeenEdges<'a>,
+    edges: &'a VisibleEdges<'a>,
     pose: &'a Pose,
 }
 
@@ -317,13 +317,13 @@ impl NullaryFnOnce for SquareMoves<'_> {
         let picture = &edges.frame.view.pictures[edges.spread];
         let (mut squares, mut count) = (Matrix6::zeros(), 0);
         for group in &edges.groups {
-            let (bearings, places, seen) = edges.seen(&local, group);
-            let around = picture.around(&seen.pixels, &group.directions);
+            let (bearings, places, projected) = edges.project(&local, group);
+            let around = picture.around(&projected.pixels, &group.directions);
             count += around.count();
             for axis in 0..2 {
                 let mut along = [ZEROS; 2];
                 along[axis] = [1.0; GROUP];
-                let moves = by_increments(&bearings, &seen.by_bearings(&places, &along));
+                let moves = by_increments(&bearings, &projected.by_bearings(&places, &along));
                 for row in 0..6 {
                     for column in 0..=row {
                         let mut products = ZEROS;

@@ -4,7 +4,7 @@ use nalgebra::{Matrix6, SymmetricEigen, Vector6};
 
 use super::density::PoseDensity;
 use super::descent::{Ends, minimum};
-use super::frame::{FINEST, Frame, SPREADS_PX, SeenEdges};
+use super::frame::{FINEST, Frame, SPREADS_PX, VisibleEdges};
 use crate::geometry::pose::{Pose, increment_derivative};
 
 /// Least curvature of the log posterior, relative to that of the prior and [`WIDEST_PX`] together: no direction is much less certain
@@ -42,10 +42,10 @@ pub struct Posterior<'a> {
 /// Weight of a frame's edges.
 #[derive(Debug, Clone, Copy)]
 pub enum Weight {
-    /// The sum of their log likelihood ratios by a share of it, since neighbors show the same.
-    Share(f64),
-    /// The log odds that the sum exceeds those of wrong poses by some deviations rather than by none, but for a constant.
-    Lead {
+    /// The sum of their log likelihood ratios times an exponent of at most 1 (a tempered likelihood), since neighbors are correlated.
+    Tempered(f64),
+    /// The standardized sum: up to a constant, the log odds that it exceeds those of wrong poses by some deviations rather than by none.
+    Standardized {
         /// Mean log likelihood ratio of an edge at wrong poses.
         offset: f64,
         /// Deviations times the root of the number of edges, over the deviation of sums at wrong poses.
@@ -54,11 +54,11 @@ pub enum Weight {
 }
 
 impl Weight {
-    /// The log likelihood ratio of an uninformative edge, and the weight of an edge where so many are seen.
+    /// The log likelihood ratio of an uninformative edge, and the weight of an edge where so many are visible.
     fn of(&self, count: usize) -> [f64; 2] {
         match *self {
-            Self::Share(share) => [0.0, share],
-            Self::Lead { offset, scale } => [offset, scale / (count.max(1) as f64).sqrt()],
+            Self::Tempered(exponent) => [0.0, exponent],
+            Self::Standardized { offset, scale } => [offset, scale / (count.max(1) as f64).sqrt()],
         }
     }
 }
@@ -74,7 +74,7 @@ pub struct Mode {
     pub log_mass: f64,
     /// Sum of the log likelihood ratios at it.
     pub log_ratio: f64,
-    /// How many edges are seen there.
+    /// How many edges are visible there.
     pub edges: usize,
 }
 
@@ -145,11 +145,11 @@ impl Posterior<'_> {
 /// Information added along every direction, rad^-2 and m^-2: that of a uniform angle, and of a kilometer.
 const OPEN: [f64; 2] = [3.0 / (std::f64::consts::PI * std::f64::consts::PI), 1e-6];
 
-/// A posterior by the edges that are seen from one pose.
+/// A posterior by the edges that are visible from one pose.
 struct Local<'a> {
     posterior: &'a Posterior<'a>,
     pose: Pose,
-    seen: Vec<SeenEdges<'a>>,
+    visible: Vec<VisibleEdges<'a>>,
     /// Of each frame: the log likelihood ratio of an uninformative edge, and the weight of an edge.
     weights: Vec<[f64; 2]>,
     /// Mean squares of moves in the photo, pixels, summed over the frames.
@@ -159,15 +159,16 @@ struct Local<'a> {
 
 impl<'a> Local<'a> {
     fn new(posterior: &'a Posterior<'a>, pose: Pose) -> Self {
-        let seen: Vec<_> = posterior.frames.iter().map(|frame| frame.seen_from(&pose, posterior.spread)).collect();
+        let visible: Vec<_> =
+            posterior.frames.iter().map(|frame| frame.visible_edges(&pose, posterior.spread)).collect();
         let (mut squares, mut edges, mut weights) = (Matrix6::zeros(), 0, Vec::new());
-        for (frame, weight) in seen.iter().zip(&posterior.weights) {
+        for (frame, weight) in visible.iter().zip(&posterior.weights) {
             let (moves, count) = frame.square_moves(&pose);
             squares += moves;
             edges += count;
             weights.push(weight.of(count));
         }
-        Self { posterior, pose, seen, weights, squares, edges }
+        Self { posterior, pose, visible, weights, squares, edges }
     }
 
     /// The log density at a left increment of the pose, and its slope by increments there.
@@ -175,8 +176,8 @@ impl<'a> Local<'a> {
         let pose = self.pose.retract(increment);
         let prior = self.posterior.density.at(&pose);
         let (mut value, mut slope) = (prior.value, prior.slope);
-        for (seen, [offset, scale]) in self.seen.iter().zip(&self.weights) {
-            let (ratio, by_increment) = seen.log_ratio(&pose, *offset);
+        for (visible, [offset, scale]) in self.visible.iter().zip(&self.weights) {
+            let (ratio, by_increment) = visible.log_ratio(&pose, *offset);
             value += scale * ratio;
             slope += by_increment * *scale;
         }

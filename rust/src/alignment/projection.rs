@@ -155,19 +155,19 @@ impl Projection {
     /// The pixels at which places are seen.
     #[inline(always)]
     pub(super) fn pixels(&self, places: &Places) -> Pixels {
-        let mut seen = Pixels { pixels: [ZEROS; 2], by_within: [[ZEROS; 2]; 2] };
+        let mut projected = Pixels { pixels: [ZEROS; 2], by_within: [[ZEROS; 2]; 2] };
         for edge in 0..GROUP {
             let face = self.faces[places.face[edge] as usize];
             let Cell(cell) = self.cells[(face.first + (places.cell[edge] as u32 & face.mask)) as usize];
             let (u, v) = (places.within[0][edge], places.within[1][edge]);
             for (axis, [a, b, c, d]) in cell.into_iter().enumerate() {
                 let (by_u, by_v) = (b + d * v, c + d * u);
-                seen.pixels[axis][edge] = a + b * u + by_v * v;
-                seen.by_within[axis][0][edge] = by_u;
-                seen.by_within[axis][1][edge] = by_v;
+                projected.pixels[axis][edge] = a + b * u + by_v * v;
+                projected.by_within[axis][0][edge] = by_u;
+                projected.by_within[axis][1][edge] = by_v;
             }
         }
-        seen
+        projected
     }
 
     /// The pixel at which a bearing of any length is seen; `None` where it is not seen.
@@ -287,10 +287,10 @@ fn table(
             let finite = |pixel: &Vector2<f64>| pixel.iter().all(|value| value.is_finite());
             let whole = finite(&center) && corners.iter().all(finite);
             // A cell may be larger than the image.
-            let is_seen = shown(&center) || corners.iter().any(&shown) || (whole && around(&corners));
-            any |= is_seen;
+            let is_visible = shown(&center) || corners.iter().any(&shown) || (whole && around(&corners));
+            any |= is_visible;
             let error = (corners.iter().sum::<Vector2<f64>>() / 4.0 - center).amax();
-            fine &= !is_seen || (whole && error <= TOLERANCE_PX);
+            fine &= !is_visible || (whole && error <= TOLERANCE_PX);
             let kept = whole && !(last && error > SEAM_PX);
             cells.push(if kept { Cell::new(&corners) } else { NONE });
         }
@@ -340,14 +340,14 @@ mod tests {
             // All edges of a group alike.
             let filled = |values: [f32; 3]| values.map(|value| [value; GROUP]);
             let places = made.places(&filled(bearing));
-            let seen = made.pixels(&places);
-            let pixel = seen.pixels.map(|along| along[0]);
+            let projected = made.pixels(&places);
+            let pixel = projected.pixels.map(|along| along[0]);
             if !pixel.iter().all(|value| value.is_finite()) {
                 return Ok(());
             }
-            let across = seen.moved(&places, &filled(way));
-            let slope = seen.by_bearings(&places, &by_pixel.map(|value| [value; GROUP]));
-            for along in seen.pixels.iter().chain(&across).chain(&slope) {
+            let across = projected.moved(&places, &filled(way));
+            let slope = projected.by_bearings(&places, &by_pixel.map(|value| [value; GROUP]));
+            for along in projected.pixels.iter().chain(&across).chain(&slope) {
                 prop_assert!(along.iter().all(|value| *value == along[0]), "{along:?}");
             }
             let (across, slope) = (across.map(|along| along[0]), slope.map(|along| along[0]));

@@ -38,8 +38,8 @@ pub struct SearchProgress {
 }
 
 impl SearchProgress {
-    /// The share that is done, from 0 to 1.
-    pub fn share(&self) -> f64 {
+    /// The fraction that is done, from 0 to 1.
+    pub fn fraction(&self) -> f64 {
         let all = self.all.load(Ordering::Relaxed);
         if all == 0 { 0.0 } else { (self.done.load(Ordering::Relaxed) as f64 / all as f64).min(1.0) }
     }
@@ -82,7 +82,7 @@ const LOCAL_NULLS: usize = 128;
 const RANKING_NULLS: usize = 32;
 
 /// By how many deviations the sums of true poses exceed those of wrong ones: by 2 to 6 on frames of cars, at spreads of 16 and 8 pixels.
-const LEAD: f64 = 3.0;
+const SEPARATION: f64 = 3.0;
 
 /// The maxima of the posterior of the pose that frames share, that of the largest mass first, from nothing but a density of poses and some
 /// `starts`.
@@ -141,7 +141,7 @@ pub fn search_with_progress(
     }
     pass_missing(FINEST, held.len());
     let found = mapped(&held, threads, |pose| {
-        let weights = shares(&Sums::here(frames, &turned(&[*pose; LOCAL_NULLS]), FINEST));
+        let weights = tempering_weights(&Sums::here(frames, &turned(&[*pose; LOCAL_NULLS]), FINEST));
         let posterior = Posterior { frames, weights, spread: FINEST, density };
         let mode = posterior.mode(&posterior.maximum(pose).0);
         progress.count(FINEST);
@@ -149,7 +149,7 @@ pub fn search_with_progress(
     })?;
     let modes: Vec<Mode> = found.into_iter().flatten().collect();
     let scored = modes.iter().map(|mode| (mode.pose, mode.log_mass)).collect();
-    let whole = Posterior { frames, weights: vec![Weight::Share(0.0); frames.len()], spread: FINEST, density };
+    let whole = Posterior { frames, weights: vec![Weight::Tempered(0.0); frames.len()], spread: FINEST, density };
     let apart = distinct(&whole, scored, modes.len(), threads)?;
     let at = |pose: &Pose| modes.iter().find(|mode| mode.pose == *pose).copied();
     Ok(apart.iter().filter_map(at).collect())
@@ -212,8 +212,8 @@ impl Sums {
     }
 }
 
-/// Weights of frames that make sums the log odds that they exceed those of wrong poses by [`LEAD`] deviations rather than by none, by the
-/// sums at null poses of all directions. Variances grow with the number of edges.
+/// Weights of frames that make sums the log odds that they exceed those of wrong poses by [`SEPARATION`] deviations rather than by
+/// none, by the sums at null poses of all directions. Variances grow with the number of edges.
 fn log_odds_weights(sums: &Sums) -> Vec<Weight> {
     let weight = |frame: usize| {
         let of_frame = || sums.of_frame(frame).filter(|(_, count)| *count > 0);
@@ -221,22 +221,24 @@ fn log_odds_weights(sums: &Sums) -> Vec<Weight> {
         let offset = of_frame().map(|(sum, _)| sum).sum::<f64>() / edges.max(1) as f64;
         let squares = of_frame().map(|(sum, count)| (sum - offset * count as f64).powi(2) / count as f64);
         let variance = squares.sum::<f64>() / of_frame().count().max(1) as f64;
-        Weight::Lead { offset, scale: if variance > 0.0 { LEAD / variance.sqrt() } else { 0.0 } }
+        Weight::Standardized { offset, scale: if variance > 0.0 { SEPARATION / variance.sqrt() } else { 0.0 } }
     };
     (0..sums.frames()).map(weight).collect()
 }
 
 /// Weights by which the likelihood ratio of each frame is 1 on the mean over null poses, and so is that of all frames (eq. 18.3): those
 /// that are redundant, as of a rig that stands still, are weighted down together.
-fn shares(sums: &Sums) -> Vec<Weight> {
-    let shares: Vec<f64> = (0..sums.frames()).map(|frame| share_of(sums.of_frame(frame).map(|(sum, _)| sum))).collect();
-    let together = sums.0.iter().map(|sums| sums.iter().zip(&shares).map(|((sum, _), share)| sum * share).sum());
-    let joint = share_of(together.collect::<Vec<f64>>().into_iter());
-    shares.into_iter().map(|share| Weight::Share(share * joint)).collect()
+fn tempering_weights(sums: &Sums) -> Vec<Weight> {
+    let exponents: Vec<f64> =
+        (0..sums.frames()).map(|frame| tempering_exponent(sums.of_frame(frame).map(|(sum, _)| sum))).collect();
+    let together =
+        sums.0.iter().map(|sums| sums.iter().zip(&exponents).map(|((sum, _), exponent)| sum * exponent).sum());
+    let joint = tempering_exponent(together.collect::<Vec<f64>>().into_iter());
+    exponents.into_iter().map(|exponent| Weight::Tempered(exponent * joint)).collect()
 }
 
-/// The share at which sums that are about normal have likelihood ratios of 1 on the mean.
-fn share_of(sums: impl Iterator<Item = f64> + Clone) -> f64 {
+/// The exponent at which sums that are about normal have likelihood ratios of 1 on the mean.
+fn tempering_exponent(sums: impl Iterator<Item = f64> + Clone) -> f64 {
     let count = sums.clone().count().max(2) as f64;
     let mean = sums.clone().sum::<f64>() / count;
     let variance = sums.map(|sum| (sum - mean).powi(2)).sum::<f64>() / (count - 1.0);

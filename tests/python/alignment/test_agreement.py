@@ -19,13 +19,16 @@ Array = NDArray[np.float64]
 def test_photo_and_cloud_agree_at_the_pose_alone(seed: int) -> None:
     photo, points = cards(seed)
     right = rp.check_alignment(CAMERA, rp.Frame(image=photo, points=points), POSE)
-    assert right.log_odds > 20.0 and right.share > 0.9
+    assert right.log_odds > 20.0 and right.edge_fraction > 0.9
     others = [
         rp.check_alignment(CAMERA, rp.Frame(image=photo, points=points), turned(degrees))
         for degrees in (-20.0, -10.0, 9.0, 15.0)
     ]
     # Single cards may fall on others' edges.
-    assert max(other.log_odds for other in others) < 0.2 * right.log_odds and max(other.share for other in others) < 0.7
+    assert (
+        max(other.log_odds for other in others) < 0.2 * right.log_odds
+        and max(other.edge_fraction for other in others) < 0.7
+    )
 
 
 def test_the_nearest_pose_undoes_a_turn() -> None:
@@ -81,7 +84,7 @@ def test_intensity_adds_edges_where_surfaces_change_their_shade() -> None:
     by_depth = rp.check_alignment(CAMERA, rp.Frame(image=photo, points=points), POSE)
     assert len(by_depth.places) == 0 and by_depth.log_odds == 0.0
     right = rp.check_alignment(CAMERA, rp.Frame(image=photo, points=points, intensity=intensity), POSE)
-    assert right.log_odds > 10.0 and right.share > 0.9
+    assert right.log_odds > 10.0 and right.edge_fraction > 0.9
     scaled = rp.check_alignment(CAMERA, rp.Frame(image=photo, points=points, intensity=4.0 - 0.25 * intensity), POSE)
     np.testing.assert_array_equal(scaled.places, right.places)
     wrong = rp.check_alignment(CAMERA, rp.Frame(image=photo, points=points, intensity=intensity), turned(12.0))
@@ -92,7 +95,7 @@ def test_nothing_in_view_says_nothing() -> None:
     photo, points = cards(0)
     for pose, cloud in ((turned(180.0), points), (POSE, points[:5]), (POSE, np.full((7, 3), np.nan))):
         alignment = rp.check_alignment(CAMERA, rp.Frame(image=photo, points=cloud), pose)
-        assert len(alignment.places) == 0 and np.isnan(alignment.share) and alignment.log_odds == 0.0
+        assert len(alignment.places) == 0 and np.isnan(alignment.edge_fraction) and alignment.log_odds == 0.0
         assert alignment.nearest is pose
 
 
@@ -101,7 +104,11 @@ def test_a_photo_of_one_shade_says_nothing() -> None:
     alignment = rp.check_alignment(
         CAMERA, rp.Frame(image=np.full((480, 640), 128, dtype=np.uint8), points=points), POSE
     )
-    assert len(alignment.places) > 100 and alignment.share == 0.0 and alignment.log_odds == pytest.approx(0.0, abs=0.5)
+    assert (
+        len(alignment.places) > 100
+        and alignment.edge_fraction == 0.0
+        and alignment.log_odds == pytest.approx(0.0, abs=0.5)
+    )
 
 
 def test_wrong_shapes_are_named() -> None:

@@ -170,7 +170,7 @@ def frame_of(ratios: Any, origin: Any = (0.0, 0.0, 0.0)) -> _core.AlignmentFrame
 def test_sums_over_edges_are_those_at_their_pixels() -> None:
     ratios = ratios_of(4, HEIGHT, WIDTH)
     frame, straight, nowhere = frame_of(ratios), np.eye(3), np.zeros(3)
-    pixels, directions = frame.seen(straight, nowhere)
+    pixels, directions = frame.project_edges(straight, nowhere)
     total, count = frame.log_ratio(straight, nowhere, 3)
     assert pixels.shape == (len(directions), 2) and set(directions.tolist()) <= {0, 1, 2, 3}
     values = []
@@ -184,7 +184,7 @@ def test_sums_over_edges_are_those_at_their_pixels() -> None:
     assert total == pytest.approx(sum(values), abs=0.02 * np.sqrt(count))
     back = Rotation.from_rotvec([0.0, np.pi, 0.0]).as_matrix()
     assert frame.log_ratio(back, nowhere, 0) == (0.0, 0)
-    assert len(frame.seen(back, nowhere)[0]) == 0
+    assert len(frame.project_edges(back, nowhere)[0]) == 0
 
 
 def test_other_edges_and_other_cameras_take_the_place_of_a_frame_s() -> None:
@@ -194,7 +194,7 @@ def test_other_edges_and_other_cameras_take_the_place_of_a_frame_s() -> None:
     assert bare.with_edges(edges_of(*plates())).log_ratio(*pose, 3) == frame.log_ratio(*pose, 3)
     longer = rp.PinholeCamera(800.0, 810.0, *CENTER, **SIZE)
     zoomed = frame.with_projection(table_of(longer), 0.5)
-    first, second = frame.seen(*pose)[0], zoomed.seen(*pose)[0]
+    first, second = frame.project_edges(*pose)[0], zoomed.project_edges(*pose)[0]
     assert 0 < len(second) <= len(first)
     assert zoomed.with_projection(table_of(CAMERAS["pinhole"]), 0.8).log_ratio(*pose, 3) == frame.log_ratio(*pose, 3)
 
@@ -221,7 +221,7 @@ def test_wrong_poses_and_spreads_are_named() -> None:
     with pytest.raises(ValueError, match="rotation"):
         frame.log_ratio(np.eye(2), np.zeros(3), 0)
     with pytest.raises(ValueError, match="translation"):
-        frame.seen(np.eye(3), np.zeros(2))
+        frame.project_edges(np.eye(3), np.zeros(2))
     with pytest.raises(ValueError, match=r"origin is .*; it needs to be 3 finite numbers"):
         frame_of(ratios_of(4, HEIGHT, WIDTH), origin=[0.0, 0.0])
 

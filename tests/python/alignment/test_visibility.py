@@ -65,7 +65,7 @@ def occlusion(*parts: Array, world: rp.WorldRegion | None = None, shown: Array =
 @pytest.mark.parametrize("share", [0.2, 0.45, 0.55, 0.8, 1.0])
 def test_the_share_is_that_of_what_stands_before_the_region(share: float) -> None:
     found = occlusion(WHOLE.points(), Board(3.0, -4.0, -1.0 + 2.0 * share).points())
-    assert found.share == pytest.approx(share, abs=0.05)
+    assert found.hidden_fraction == pytest.approx(share, abs=0.05)
     assert found.distance_m == pytest.approx(3.0, abs=0.15) and found.region_distance_m == pytest.approx(6.0, abs=0.01)
     assert found.is_hidden == (share > 0.5)
 
@@ -75,36 +75,36 @@ def test_what_is_behind_on_the_region_or_beside_it_hides_nothing() -> None:
     found = occlusion(
         noisy, Board(9.0, -4.0, 4.0).points(), Board(3.0, 1.0, 4.0).points(), Board(2.0, -9, 9, 1).points()
     )
-    assert found.share < 0.06 and not found.is_hidden
+    assert found.hidden_fraction < 0.06 and not found.is_hidden
 
 
 def test_single_points_and_posts_hide_no_more_than_themselves() -> None:
     rng = np.random.default_rng(1)
     strewn = np.column_stack([rng.uniform(-1.0, 1.0, (20, 2)), np.full(20, WALL)]) * rng.uniform(0.1, 0.8, (20, 1))
-    assert occlusion(WHOLE.points(), strewn).share < 0.15
+    assert occlusion(WHOLE.points(), strewn).hidden_fraction < 0.15
     posts = [Board(2.0, x, x + 0.1).points() for x in (-0.95, -0.05, 0.85)]
-    assert occlusion(WHOLE.points(), *posts).share == pytest.approx(0.15, abs=0.1)
+    assert occlusion(WHOLE.points(), *posts).hidden_fraction == pytest.approx(0.15, abs=0.1)
 
 
 def test_scan_lines_are_a_surface() -> None:
     lines = [Board(3.0, -2.0, 2.0, y, y + 0.02).points(0.02) for y in np.arange(-2.0, 2.0, 0.3)]
-    assert occlusion(WHOLE.points(), *lines).share > 0.95
+    assert occlusion(WHOLE.points(), *lines).hidden_fraction > 0.95
 
 
 def test_only_what_the_photo_shows_of_the_region_counts() -> None:
     left = SIGN * [0.5, 1.0, 1.0] - [0.5, 0.0, 0.0]
     before = Board(3.0, 0.0, 4.0).points()
-    assert occlusion(before).share == pytest.approx(0.5, abs=0.05)
-    assert occlusion(before, shown=left).share < 0.06
-    assert occlusion(Board(3.0, -4.0, 0.0).points(), shown=left).share > 0.95
+    assert occlusion(before).hidden_fraction == pytest.approx(0.5, abs=0.05)
+    assert occlusion(before, shown=left).hidden_fraction < 0.06
+    assert occlusion(Board(3.0, -4.0, 0.0).points(), shown=left).hidden_fraction > 0.95
     away = occlusion(before, shown=SIGN + np.array([2.5, 0.0, 0.0]))
-    assert np.isnan([away.share, away.distance_m, away.region_distance_m]).all() and not away.is_hidden
+    assert np.isnan([away.hidden_fraction, away.distance_m, away.region_distance_m]).all() and not away.is_hidden
 
 
 def test_holes_are_not_the_region() -> None:
     ring, hole = SIGN, 0.6 * SIGN * [1.0, 1.0, 1.0 / 0.6]
     world = rp.WorldRegion.from_polygon([POSE.inverse().transform(each) for each in (ring, hole)])
-    assert occlusion(Board(3.0, -0.55, 0.55, -0.55, 0.55).points(), world=world).share < 0.02
+    assert occlusion(Board(3.0, -0.55, 0.55, -0.55, 0.55).points(), world=world).hidden_fraction < 0.02
 
 
 def test_a_curved_surface_does_not_hide_itself() -> None:
@@ -117,8 +117,10 @@ def test_a_curved_surface_does_not_hide_itself() -> None:
     world = rp.WorldRegion.from_mesh(SimpleNamespace(vertices=POSE.inverse().transform(places), faces=faces))
     outline = places[np.r_[index[0], index[1:, -1], index[-1, -2::-1], index[-2:0:-1, 0]]]
     dense = np.repeat(places, 2, axis=0)
-    assert occlusion(dense, world=world, shown=outline).share == 0.0
-    assert occlusion(dense, Board(2.0, -9.0, 9.0, -9.0, 9.0).points(), world=world, shown=outline).share > 0.95
+    assert occlusion(dense, world=world, shown=outline).hidden_fraction == 0.0
+    assert (
+        occlusion(dense, Board(2.0, -9.0, 9.0, -9.0, 9.0).points(), world=world, shown=outline).hidden_fraction > 0.95
+    )
 
 
 def test_a_region_on_the_seam_of_a_panorama() -> None:
@@ -132,7 +134,7 @@ def test_a_region_on_the_seam_of_a_panorama() -> None:
     photo = np.full((500, 1000), 128, dtype=np.uint8)
     alignment = rp.check_alignment(camera, rp.Frame([image], [world], image=photo, points=board), here)
     (found,) = alignment.occlusions
-    assert found.share == pytest.approx(0.5, abs=0.05)
+    assert found.hidden_fraction == pytest.approx(0.5, abs=0.05)
 
 
 def test_clouds_without_points_hide_nothing() -> None:
@@ -140,7 +142,7 @@ def test_clouds_without_points_hide_nothing() -> None:
         world = [rp.WorldRegion.from_polygon(POSE.inverse().transform(SIGN))]
         shown = [rp.ImageRegion.from_polygon(CAMERA.project(SIGN))]
         alignment = rp.check_alignment(CAMERA, rp.Frame(shown, world, image=BLANK, points=points), POSE)
-        assert alignment.occlusions[0].share == 0.0 and alignment.log_odds == 0.0
+        assert alignment.occlusions[0].hidden_fraction == 0.0 and alignment.log_odds == 0.0
 
 
 def test_a_wall_hides_what_is_behind_it_until_the_camera_is_within() -> None:
@@ -148,7 +150,7 @@ def test_a_wall_hides_what_is_behind_it_until_the_camera_is_within() -> None:
     x, y = np.meshgrid(np.arange(-1.0, 1.0, 0.02), np.arange(-1.0, 1.0, 0.02))
     for depth, share in ((0.5, 1.0), (0.001, 0.0)):
         wall = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, depth)])
-        assert occlusion(WHOLE.points(), wall).share == pytest.approx(share, abs=0.05)
+        assert occlusion(WHOLE.points(), wall).hidden_fraction == pytest.approx(share, abs=0.05)
 
 
 def test_hidden_regions_speak_nine_to_one_against_a_pose() -> None:
@@ -220,7 +222,7 @@ def test_a_pose_that_hides_a_region_is_warned_of_by_name() -> None:
     found = rp.calibrate(CAMERA, [rp.Frame(images, worlds, image=BLANK, points=board())])
     estimate = found
     (warning,) = [each for each in estimate.warnings if each.code == "occluded-region"]
-    assert warning.regions == (1,) and warning.values["hidden_share"] == pytest.approx(0.95, abs=0.05)
+    assert warning.regions == (1,) and warning.values["hidden_fraction"] == pytest.approx(0.95, abs=0.05)
     assert warning.values["distance_m"] == pytest.approx(3.0, abs=0.05)
     assert warning.values["region_distance_m"] == pytest.approx(5.2, abs=0.05)
     assert warning.text_with(["door", "sign"]).count("(sign)") == 1
@@ -243,7 +245,7 @@ def test_a_scene_file_with_a_hidden_region_is_doubtful(tmp_path: Path) -> None:
     run = rp.estimate_scene(rp.load_scene(tmp_path / "scene.yaml"))
     assert run.estimate.status == rp.PoseStatus.DOUBTFUL
     assert (rp.WarningCode.OCCLUDED_REGION, (1,)) in [(each.code, each.regions) for each in run.estimate.warnings]
-    shares = [region["hidden_share"] for region in scene_result(run)["diagnostics"]["regions"]]
+    shares = [region["hidden_fraction"] for region in scene_result(run)["diagnostics"]["regions"]]
     assert shares[0] == 0.0 and shares[1] > 0.9
     assert "depth.png" in bundle(run, Stages()).writers
 

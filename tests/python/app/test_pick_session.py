@@ -57,9 +57,9 @@ def check_measure(run: SceneEstimate, html: str) -> None:
     """The share of samples counts where all regions have such, and stands on the page; the areas' doesn't."""
     fits = [fit for fit in run.sample_fits if fit is not None]
     assert len(fits) == len(run.names)
-    share = np.average([fit.share for fit in fits], weights=[fit.count for fit in fits])
+    share = np.average([fit.consistent_fraction for fit in fits], weights=[fit.count for fit in fits])
     assert scene_fit(run).on_their_side == pytest.approx(share)
-    assert [fit.on_their_side for fit in region_fits(run)] == [fit.share for fit in fits]
+    assert [fit.on_their_side for fit in region_fits(run)] == [fit.consistent_fraction for fit in fits]
     assert f"{100.0 * share:.1f} %" in html and f"{100.0 * run.estimate.diagnostics.overlap_error:.1f} %" not in html
 
 
@@ -316,7 +316,7 @@ def clicked(session: Session) -> Session:
     return session
 
 
-def known_by_samples(session: Session) -> list[bool]:
+def have_samples(session: Session) -> list[bool]:
     return [picked.world.chosen.side.region.samples is not None for picked in session.regions if picked.world]
 
 
@@ -343,7 +343,7 @@ def test_the_scanner_s_place_is_asked_for_saved_and_read_back(unasked: Session) 
 def test_regions_follow_the_scanner_s_place_and_undo_takes_it_back(session: Session) -> None:
     clicked(session)
     before = session.regions
-    assert known_by_samples(session) == [True, True]
+    assert have_samples(session) == [True, True]
     session.set_scanner([3.0, 0.0, 40.0])
     moved = [picked.world.chosen.side.region for picked in session.regions if picked.world]
     session.undo()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from regionpose import PoseWarning, Solver, WarningCode, estimate_pose
-from regionpose._core import moved_pose
+from regionpose._core import retract_pose
 from small_study import PERSPECTIVE, QUICK, comparable
 
 from benchmarks.synthetic import noise, planar
@@ -326,7 +326,7 @@ def test_coverage_tells_a_variance_that_is_too_small() -> None:
 def moved(problem: StudyProblem, increment: Array) -> StudyProblem:
     """The problem with its scene at a pose moved by a left increment."""
     scene = problem.scene
-    rotation, translation = moved_pose(scene.rotation, scene.translation, increment)
+    rotation, translation = retract_pose(scene.rotation, scene.translation, increment)
     return replace(problem, scene=replace(scene, rotation=rotation, translation=translation))
 
 

@@ -17,7 +17,7 @@ from regionpose.io.yaml_text import to_yaml
 from regionpose.scene.document import SceneError
 from regionpose.scene.exposure import scene_sides
 from regionpose.scene.folder import FolderOptions, folder_scene
-from regionpose.scene.paths import moved
+from regionpose.scene.paths import rebased
 from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH, scene_values
 from skimage.draw import polygon2mask
 
@@ -188,7 +188,7 @@ def test_what_segment_made_of_a_pair_is_taken(rig: Path, capsys: pytest.CaptureF
 
 def test_the_image_of_a_coco_file_is_no_path() -> None:
     held = {"image": "a.png", "regions": [{"image": {"mask": "all.json", "image": "a.png", "unknown": "b.json"}}]}
-    own = moved(held, Path("drive"), Path())
+    own = rebased(held, Path("drive"), Path())
     assert own["image"] == "drive/a.png"
     assert own["regions"][0]["image"] == {"mask": "drive/all.json", "image": "a.png", "unknown": "drive/b.json"}
 

@@ -17,7 +17,7 @@ import pytest
 import waiting
 from made_up_worlds import made_world
 from PIL import Image
-from regionpose.cli.bars import BYTES, ITEMS, SHARE, StageLine
+from regionpose.cli.bars import BYTES, ITEMS, PERCENT, StageLine
 from regionpose.io.clouds import Cloud, write_ply
 from rich.console import Console
 from scene_files import scene_values, write_scene
@@ -255,7 +255,7 @@ class FreeWhereDrawn(StageLine):
 def test_no_lock_is_held_where_the_line_is_drawn() -> None:
     line = FreeWhereDrawn(0.0, Clock())
     line.begin("read the cloud")
-    line.set_amount(SHARE, 0.5, 1.0)
+    line.set_amount(PERCENT, 0.5, 1.0)
     line.begin("write the cloud")
     assert len(line.free) >= 3 and all(line.free)
 
@@ -289,7 +289,7 @@ def test_stages_of_unknown_amount_show_their_time() -> None:
     ("kind", "amounts", "shown"),
     [
         (BYTES, (0.0, 160e6, 320e6, 640e6), r"320\.0/640\.0 MB 40\.0 MB/s 0:00:08 0:00:08 left"),
-        (SHARE, (0.0, 0.25, 0.5, 1.0), r"50% 0:00:08 0:00:08 left"),
+        (PERCENT, (0.0, 0.25, 0.5, 1.0), r"50% 0:00:08 0:00:08 left"),
         (ITEMS, (0, 1, 2, 4), r"2/4 4\.0 s each 0:00:08 0:00:08 left"),
         (ITEMS, (0, 20, 40, 80), r"40/80 5\.0/s 0:00:08 0:00:08 left"),
     ],
@@ -313,6 +313,6 @@ def test_a_long_name_loses_its_middle_to_the_bar(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setenv("COLUMNS", "80")
     line = StageLine(1.0, clock := Clock())
     line.begin("frame 2 of 500, photo-of-the-long-corridor-000123: world regions")
-    line.set_amount(SHARE, 0.5, 1.0)
+    line.set_amount(PERCENT, 0.5, 1.0)
     clock.seconds += 4.0
     assert re.fullmatch(r"frame 2 of 500, p….*: world regions [━╸╺]{10} +50% 0:00:04 -:--:-- left", drawn(line))

@@ -140,7 +140,7 @@ def test_poses_are_composed_and_taken_back() -> None:
     np.testing.assert_allclose((POSE @ POSE.inverse()).matrix, np.eye(4), atol=1e-14)
     np.testing.assert_allclose(POSE.rebase(UTM) @ (PLATE - UTM), POSE @ PLATE, atol=1e-8)
     turn, shift = np.split(POSE.local_coordinates(other), 2)
-    moved = _core.moved_pose(POSE.rotation_matrix, POSE.translation, np.concatenate([turn, shift]))
+    moved = _core.retract_pose(POSE.rotation_matrix, POSE.translation, np.concatenate([turn, shift]))
     np.testing.assert_allclose(moved[0], other.rotation_matrix, atol=1e-14)
     np.testing.assert_allclose(moved[1], other.translation, atol=1e-14)
     with pytest.raises(ValueError, match="quaternion has norm 2; needed 1"):
@@ -211,7 +211,7 @@ def test_warnings_carry_their_regions_and_values() -> None:
     images = [rp.ImageRegion.from_polygon(ring) for ring in (SQUARE, SQUARE + 200.0, SQUARE + 1.0)]
     (told,) = rp.scene.check_regions(images, [])
     assert (told.code, told.regions) == ("duplicate-regions", (0, 2))
-    assert told.values["side"] == "image" and told.values["share"] == pytest.approx(0.95, abs=0.05)
+    assert told.values["side"] == "image" and told.values["fraction"] == pytest.approx(0.95, abs=0.05)
 
 
 def test_the_document_lists_the_public_names() -> None:
@@ -267,9 +267,10 @@ UNITLESS = {
     "xi omega polynomial center stretch ss cde": "camera models' own coefficients",
     "tolerance": "differences of colors",
     "column": "a coordinate of pixels",
-    "depth_tolerance mesh_size overlap_error outlier_fraction edge_fraction least_share": "shares",
+    "depth_tolerance mesh_size overlap_error": "fractions",
+    "outlier_fraction edge_fraction hidden_fraction min_area_fraction": "fractions by name",
     "factor": "of focal lengths",
-    "confidence mode_probability share log_odds edge_log_odds sigmas": "probabilities and their like",
+    "confidence mode_probability log_odds edge_log_odds sigmas": "probabilities and their like",
     "log_odds_over_next log_mass log_ratio": "logarithms of odds",
     "values": "of a warning, each with its unit in its key",
 }

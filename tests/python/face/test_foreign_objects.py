@@ -195,7 +195,7 @@ def test_a_sphere_has_no_facet_of_some_size() -> None:
         rp.segment.regions_from_mesh(sphere)
 
 
-@pytest.mark.parametrize("given", [{"angle_deg": 0.0}, {"angle_deg": float("nan")}, {"least_share": 1.5}])
+@pytest.mark.parametrize("given", [{"angle_deg": 0.0}, {"angle_deg": float("nan")}, {"min_area_fraction": 1.5}])
 def test_limits_of_facets_out_of_range_are_named(given: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=next(iter(given))):
         rp.segment.regions_from_mesh(trimesh.creation.box(), **given)

@@ -236,7 +236,7 @@ def moved_by_hand(pose: rp.Pose, tangent: Array) -> rp.Pose:
 
 def test_convention_tangents_are_rotation_first_and_applied_on_the_left() -> None:
     pose, tangent = seen_at(10.0, TURN), np.array([0.1, -0.2, 0.3, 0.5, -0.6, 0.7])
-    rotation, translation = _core.moved_pose(pose.rotation.as_matrix(), pose.translation, tangent)
+    rotation, translation = _core.retract_pose(pose.rotation.as_matrix(), pose.translation, tangent)
     expected = moved_by_hand(pose, tangent)
     assert np.allclose(rotation, expected.rotation.as_matrix(), rtol=0.0, atol=1e-14)
     assert np.allclose(translation, expected.translation, rtol=0.0, atol=1e-14)

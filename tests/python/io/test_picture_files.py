@@ -113,7 +113,7 @@ def test_shares_in_floats_are_taken_as_they_are(tmp_path: Path) -> None:
     Image.fromarray(np.array([[0.0, 0.3, 0.6]], dtype=np.float32)).save(tmp_path / "a.tif")
     np.testing.assert_allclose(coverage_from_file(tmp_path / "a.tif", (1, 3)), [[0.0, 0.3, 0.6]], rtol=1e-6)
     Image.fromarray(np.array([[0.0, 0.3, 60.0]], dtype=np.float32)).save(tmp_path / "a.tif")
-    with pytest.raises(ValueError, match=r"a.tif: found shares from 0.0 to 60.0; needed them in \[0, 1\]"):
+    with pytest.raises(ValueError, match=r"a.tif: found fractions from 0.0 to 60.0; needed them in \[0, 1\]"):
         coverage_from_file(tmp_path / "a.tif", (1, 3))
 
 

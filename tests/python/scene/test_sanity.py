@@ -161,7 +161,7 @@ def test_a_lens_that_folds_inside_the_photo_is_warned_of(
     assert [warning.code for warning in warnings] == ([] if angle_deg is None else ["non-invertible-distortion"])
     for warning in warnings:
         assert warning.values["angle_deg"] == pytest.approx(angle_deg, rel=0.01)
-        assert warning.values["pixel_share"] == pytest.approx(percent / 100.0, abs=0.02)
+        assert warning.values["pixel_fraction"] == pytest.approx(percent / 100.0, abs=0.02)
 
 
 def calibration(folder: Path, **more: object) -> Path:
@@ -398,8 +398,8 @@ def test_a_parallel_plate_and_a_framed_one_are_other_regions() -> None:
 @pytest.mark.parametrize(
     ("rows", "columns", "values"),
     [
-        (slice(0, 80), slice(5, 95), {"share": 0.72, "sides": 1}),
-        (slice(60, 100), slice(0, 100), {"share": 0.4, "sides": 3}),
+        (slice(0, 80), slice(5, 95), {"fraction": 0.72, "sides": 1}),
+        (slice(60, 100), slice(0, 100), {"fraction": 0.4, "sides": 3}),
         (slice(10, 70), slice(10, 70), None),
         (slice(0, 50), slice(0, 50), None),
     ],

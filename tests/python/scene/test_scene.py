@@ -457,7 +457,7 @@ def test_numbers_that_json_lacks_become_null() -> None:
 
 
 def test_warnings_name_their_regions_whatever_these_are_called() -> None:
-    warning = rp.PoseWarning(rp.WarningCode.DUPLICATE_REGIONS, (1, 0), {"share": 0.5, "side": "{all}"})
+    warning = rp.PoseWarning(rp.WarningCode.DUPLICATE_REGIONS, (1, 0), {"fraction": 0.5, "side": "{all}"})
     assert str(warning).startswith("duplicate-regions: region 1 and region 0 are one region on the {all} side")
     assert warning.text_with(("{0}", "region 0")).startswith("region 1 (region 0) and region 0 ({0}) are")
     assert hash(warning) == hash(replace(warning)) and warning == replace(warning)

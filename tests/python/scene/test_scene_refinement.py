@@ -73,7 +73,7 @@ def test_edges_refine_a_rough_pose(tmp_path: Path) -> None:
     )
     result = json.loads(json.dumps(bundle(run, Stages()).result))
     said = result["diagnostics"]["edges"]["regions_only"]
-    assert said["rank"] == said["answers"] == 1 and said["rotation_deg"] == pytest.approx(found.rotation_deg)
+    assert said["rank"] == said["solutions"] == 1 and said["rotation_deg"] == pytest.approx(found.rotation_deg)
     assert said["confidence"] == pytest.approx(rough.estimate.confidence)
     assert result["solver"]["edges"] is True and result["diagnostics"]["edges"]["alignment"]["log_odds"] > 5.0
 

@@ -52,7 +52,7 @@ def test_samples_of_a_scan_give_the_pose_and_are_said(tmp_path: Path) -> None:
     for side, region in zip(run.sides.world_sides, scene_result(run)["diagnostics"]["regions"], strict=True):
         assert side.region.samples is not None
         inside, outside = map(len, side.region.samples)
-        assert region["known_by"] == f"samples: {inside} inside, {outside} outside"
+        assert region["boundary_source"] == f"samples: {inside} inside, {outside} outside"
 
 
 @pytest.mark.parametrize(

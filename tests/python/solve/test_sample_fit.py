@@ -43,7 +43,7 @@ def fit(pose: rp.Pose, rings: list[NDArray[np.float64]], hidden: list[list[int]]
 
 def test_at_the_true_pose_all_samples_are_on_their_side() -> None:
     found = fit(TRUE, [rectangle(1.0, 0.8)])
-    assert found.share == 1.0 and found.count == 40 * 32 - 6 * 4
+    assert found.consistent_fraction == 1.0 and found.count == 40 * 32 - 6 * 4
 
 
 def test_a_hole_of_the_image_shows_what_is_enclosed() -> None:
@@ -54,7 +54,7 @@ def test_a_hole_of_the_image_shows_what_is_enclosed() -> None:
 def test_a_pose_aside_puts_rows_on_the_wrong_side() -> None:
     found = fit(ASIDE, [rectangle(1.0, 0.8)])
     assert len(found.beyond) == len(found.within) == 2 * 16
-    assert found.share == pytest.approx(1.0 - 64 / found.count)
+    assert found.consistent_fraction == pytest.approx(1.0 - 64 / found.count)
 
 
 def test_a_hidden_edge_tells_nothing() -> None:

@@ -157,7 +157,7 @@ fn photo(edges: &[f32]) -> PhotoView {
     PhotoView { projection: projection.unwrap(), pictures: log_ratios(edges), half_field }
 }
 
-const DETECTION: EdgeOptions = EdgeOptions { cell: 2e-3, gap: 0.03, share: 0.1 };
+const DETECTION: EdgeOptions = EdgeOptions { cell: 2e-3, gap: 0.03, step_fraction: 0.1 };
 
 fn frame(seed: u64) -> Frame {
     let blocks = blocks(seed);
@@ -184,7 +184,7 @@ fn found(frames: &[Frame], starts: &[Pose], draws: usize) -> Vec<Mode> {
 /// How far the edges are from where a pose has them, pixels: a root mean square.
 fn pixels_off(frame: &Frame, pose: &Pose) -> f64 {
     let increment = truth().local_coordinates(pose);
-    let (squares, _) = frame.seen_from(&truth(), FINEST).square_moves(&truth());
+    let (squares, _) = frame.visible_edges(&truth(), FINEST).square_moves(&truth());
     increment.dot(&(squares * increment)).sqrt()
 }
 
@@ -228,7 +228,7 @@ fn the_pose_is_found_from_no_heading() {
         for (number, mode) in modes.iter().enumerate() {
             let apart = modes[..number].iter().map(|other| {
                 let way = other.pose.local_coordinates(&mode.pose);
-                let (squares, _) = frame.seen_from(&other.pose, FINEST).square_moves(&other.pose);
+                let (squares, _) = frame.visible_edges(&other.pose, FINEST).square_moves(&other.pose);
                 way.dot(&(squares * way)).sqrt() / SPREADS_PX[FINEST]
             });
             assert!(apart.fold(f64::INFINITY, f64::min) > 0.49, "{number} is there already");
@@ -247,7 +247,7 @@ fn another_place_adds_information_and_the_same_one_again_does_not() {
     assert!((copies.log_mass - alone.log_mass).abs() < 2.5, "{} {}", copies.log_mass, alone.log_mass);
     let volume = log_volume(&copies) - log_volume(&alone);
     assert!(volume.abs() < 1.0, "{volume}");
-    assert_eq!(copies.edges / 2, one.seen_from(&copies.pose, FINEST).square_moves(&copies.pose).1);
+    assert_eq!(copies.edges / 2, one.visible_edges(&copies.pose, FINEST).square_moves(&copies.pose).1);
     assert!(both.log_mass > alone.log_mass.max(elsewhere.log_mass), "{} {}", both.log_mass, alone.log_mass);
     assert!(deviations(&both) < 4.0, "{}", deviations(&both));
     let (volume, mean) = (log_volume(&both), 0.5 * (log_volume(&alone) + log_volume(&elsewhere)));
@@ -282,9 +282,9 @@ fn the_answer_is_the_same_on_any_number_of_threads() {
 fn all_of_the_work_is_counted_however_little_is_left_to_do() {
     for (draws, starts) in [(300, vec![]), (0, vec![truth(), truth()]), (0, vec![])] {
         let (options, progress) = (SearchOptions { draws, kept: [20, 10, 5], ..OPTIONS }, SearchProgress::default());
-        assert!(progress.share() < 1e-12);
+        assert!(progress.fraction() < 1e-12);
         search_with_progress(&FRAMES[..1], &near_density(), &starts, &options, &progress).unwrap();
-        assert!((progress.share() - 1.0).abs() < 1e-12, "{}", progress.share());
+        assert!((progress.fraction() - 1.0).abs() < 1e-12, "{}", progress.fraction());
     }
 }
 
@@ -344,7 +344,7 @@ fn slopes_of_sums_are_their_derivatives() {
     let frame = &FRAMES[0];
     let pose = truth().retract(&Vector6::new(0.01, 0.02, -0.01, 0.03, 0.1, -0.05));
     for spread in 0..SPREADS {
-        let seen = frame.seen_from(&pose, spread);
+        let seen = frame.visible_edges(&pose, spread);
         let (sum, count) = frame.log_ratio(&pose, spread);
         let (same, _) = seen.log_ratio(&pose, 0.0);
         assert!((sum - same).abs() < 1e-3 * count as f64, "{sum} {same}");
@@ -369,7 +369,7 @@ fn slopes_of_sums_are_their_derivatives() {
 #[test]
 fn moves_of_edges_are_those_of_their_pixels() {
     let frame = &FRAMES[0];
-    let seen = frame.seen_from(&truth(), FINEST);
+    let seen = frame.visible_edges(&truth(), FINEST);
     let (squares, _) = seen.square_moves(&truth());
     let (before, directions) = seen.pixels(&truth());
     assert_eq!(before.len(), directions.len());
@@ -395,7 +395,7 @@ fn moves_of_edges_are_those_of_their_pixels() {
 #[test]
 fn edges_without_weight_leave_the_prior() {
     let density = near_density();
-    for weight in [Weight::Share(0.0), Weight::Lead { offset: -0.1, scale: 0.0 }] {
+    for weight in [Weight::Tempered(0.0), Weight::Standardized { offset: -0.1, scale: 0.0 }] {
         let posterior = Posterior { frames: &FRAMES[..1], weights: vec![weight], spread: FINEST, density: &density };
         let start = truth().retract(&Vector6::new(0.03, 0.0, 0.02, 0.2, 0.1, 0.0));
         assert!((posterior.log_density(&start) - density.at(&start).value).abs() < 1e-9);

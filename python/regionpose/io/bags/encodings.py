@@ -14,7 +14,7 @@ from regionpose.validation.arrays import eight_bits
 
 Picture = NDArray[np.uint8]
 
-RED_SHARE, BLUE_SHARE = 0.299, 0.114
+RED_FRACTION, BLUE_FRACTION = 0.299, 0.114
 """Weights of red and blue in luma (ITU-R BT.601-7, section 2.5.1)."""
 
 BLACK, LUMA_SPAN, GRAY, CHROMA_SPAN = 16, 219, 128, 224
@@ -59,8 +59,8 @@ def _from_luma(values: NDArray[Any], luma: int) -> NDArray[Any]:
     chroma = values[..., 1 - luma].astype(np.float32) - GRAY
     blue, red = (np.repeat(chroma[:, first::2], 2, axis=1) * (255.0 / CHROMA_SPAN) for first in (0, 1))
     gray = (values[..., luma].astype(np.float32) - BLACK) * (255.0 / LUMA_SPAN)
-    of_red, of_blue = 2.0 * (1.0 - RED_SHARE) * red, 2.0 * (1.0 - BLUE_SHARE) * blue
-    of_green = (RED_SHARE * of_red + BLUE_SHARE * of_blue) / (1.0 - RED_SHARE - BLUE_SHARE)
+    of_red, of_blue = 2.0 * (1.0 - RED_FRACTION) * red, 2.0 * (1.0 - BLUE_FRACTION) * blue
+    of_green = (RED_FRACTION * of_red + BLUE_FRACTION * of_blue) / (1.0 - RED_FRACTION - BLUE_FRACTION)
     return np.stack([gray + of_red, gray - of_green, gray + of_blue], axis=2)
 
 

@@ -98,14 +98,14 @@ def digest(place: BagPlace) -> tuple[int, str]:
 class RecordedMessage(NamedTuple):
     """A message that a pass over a bag meets.
 
-    `time_ns`: when it was recorded, `stamp_ns`: the time in its header, both from the bag's beginning. `share`: how
+    `time_ns`: when it was recorded, `stamp_ns`: the time in its header, both from the bag's beginning. `fraction`: how
     much of the recording is read with it, from 0 to 1. `read` returns its content; FileError where that is damaged.
     """
 
     topic: str
     time_ns: int
     stamp_ns: int
-    share: float
+    fraction: float
     read: Callable[[], Any]
 
 

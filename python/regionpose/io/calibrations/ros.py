@@ -18,7 +18,7 @@ PINHOLE_MODELS = {"plumb_bob": (0, 4, 5, 8), "rational_polynomial": (8, 12, 14)}
 FISHEYE_MODELS = ("fisheye", "equidistant")
 
 MIDDLE_THIRD = (1.0 / 3.0, 2.0 / 3.0)
-"""Where a center lies, as a share of each side, in the picture that its matrix is of; as in `sanity`."""
+"""Where a center lies, as a fraction of each side, in the picture that its matrix is of; as in `sanity`."""
 
 
 def describes(document: YamlMapping) -> bool:

@@ -65,7 +65,7 @@ def _scans(
     if wrong is not None:
         raise CloudError(f"{path}: scans: {wrong}")
     headers_with_progress = zip(headers, _parts(headers, progress), strict=True)
-    return [_scan(pye57, image, header, share) for header, share in headers_with_progress], [
+    return [_scan(pye57, image, header, fraction) for header, fraction in headers_with_progress], [
         _place(header) for header in headers
     ]
 

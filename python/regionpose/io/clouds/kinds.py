@@ -78,7 +78,7 @@ def read_cloud(path: str | Path, *, columns: Sequence[str] | None = None, progre
         "ring")`; "_" leaves one out. A .bin doesn't state their number: it is inferred from the values, or a CloudError
         requests it.
     progress : callable, optional
-        Called with the share of the file that is read, in [0, 1]; not for meshes of other kinds than PLY, .npy and
+        Called with the fraction of the file that is read, in [0, 1]; not for meshes of other kinds than PLY, .npy and
         .npz, which are read at once.
 
     Raises
@@ -125,7 +125,7 @@ def is_cloud(path: Path) -> bool:
 
 
 def file_size(path: Path) -> int:
-    """The bytes of a cloud's file, for who waits; 0 of a bag's messages, and where it is missing or misnamed."""
+    """The bytes of a cloud's file, for the progress; 0 of a bag's messages, and where it is missing or misnamed."""
     try:
         # Of a bag only a few messages are read; progress counts these.
         return 0 if bag_place(path) is not None else path.stat().st_size

@@ -47,10 +47,10 @@ LEAST_GAIN = 0.05
 indoor depth camera's points 0.28; what the order of a scan's rows makes of wrong widths stays below 0.03."""
 
 SAME_KIND, OTHER_KIND = 0.03, 0.1
-"""How far x and y of every k-th row differ, as a share of the ln k nats of rows that have nothing in common: below the
-first they are one column, of rows that take turns as those of several lasers do; above the second they are columns of a
-row k times as wide. Measured on scans of six lidars and a depth camera: up to 0.016 and, but for one of 250 files, from
-0.13 on; in between nothing is decided."""
+"""How far x and y of every k-th row differ, as a fraction of the ln k nats of rows that have nothing in common: below
+the first they are one column, of rows that take turns as those of several lasers do; above the second they are columns
+of a row k times as wide. Measured on scans of six lidars and a depth camera: up to 0.016 and, but for one of 250 files,
+from 0.13 on; in between nothing is decided."""
 
 CERTAIN = 3.0
 """Standard deviations of chance within `OTHER_KIND`, without which nothing is decided: of about a hundred rows."""
@@ -109,11 +109,11 @@ def _kind(binned: Binned, width: int, period: int) -> str:
     """What x and y of rows of a width are in rows of a multiple of it: the `same` column, an `other`, or `unknown`."""
     columns = [_of_column(binned, width, period, column) for column in (0, 1)]
     most = np.log(period // width)
-    shares = [found.nats / most for found in columns]
+    fractions = [found.nats / most for found in columns]
     chance = CERTAIN * max(found.spread for found in columns) / most
-    if chance <= OTHER_KIND and max(shares) < max(SAME_KIND, chance):
+    if chance <= OTHER_KIND and max(fractions) < max(SAME_KIND, chance):
         return "same"
-    is_other = len(binned.places) >= FEWEST_FOR_WIDER and min(shares) > OTHER_KIND + chance
+    is_other = len(binned.places) >= FEWEST_FOR_WIDER and min(fractions) > OTHER_KIND + chance
     return "other" if is_other else "unknown"
 
 

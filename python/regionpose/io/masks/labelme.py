@@ -91,11 +91,11 @@ def _places_of(hole: Shape, regions: Sequence[Sequence[Shape]]) -> list[int]:
         places = [place for place, parts in enumerate(regions) if parts[0].group == hole.group]
     else:
         outline = shapely.make_valid(shapely.Polygon(hole.points))
-        shares = [
+        fractions = [
             sum(float(shapely.area(shapely.intersection(outline, _outline(part)))) for part in parts)
             for parts in regions
         ]
-        places = [place for place, share in enumerate(shares) if share > 0.5 * shapely.area(outline)]
+        places = [place for place, fraction in enumerate(fractions) if fraction > 0.5 * shapely.area(outline)]
     if not places:
         needed = "a shape of its group_id" if hole.group is not None else "a shape that it lies in"
         raise ValueError(f"{hole.item} ({HOLE}) is in no region; needed {needed}")

@@ -25,7 +25,7 @@ Mask = NDArray[np.bool_]
 MOST_SHOWN = 12
 """Regions that a message lists at most."""
 
-PER_PIXEL_OF_SHARES = 2
+PER_PIXEL_OF_FRACTIONS = 2
 """A quarter of the bytes of a pixel's share, once as read and once as the region keeps it."""
 
 
@@ -132,16 +132,16 @@ def region_from_file(
 
 
 def coverage_from_file(path: str | Path, size: tuple[int, int]) -> NDArray[np.float32]:
-    """Shares (h, w) in [0, 1] of the pixels that a region covers: levels of gray over the largest of their depth, such
-    as 255 of 8 bits, and floats as they are.
+    """Fractions (h, w) in [0, 1] of the pixels that a region covers: levels of gray over the largest of their depth,
+    such as 255 of 8 bits, and floats as they are.
 
     `size`: (h, w) of the image that it must belong to; ValueError when it belongs to another size, and for floats
     outside [0, 1].
     """
-    levels = read_pixels(Path(path), "L", per_pixel=PER_PIXEL_OF_SHARES).values
+    levels = read_pixels(Path(path), "L", per_pixel=PER_PIXEL_OF_FRACTIONS).values
     _check_size(path, levels.shape, size)
     if not (levels.min() >= 0 and (levels.dtype.kind in "iu" or levels.max() <= 1)):
-        raise ValueError(f"{path}: found shares from {levels.min()} to {levels.max()}; needed them in [0, 1]")
+        raise ValueError(f"{path}: found fractions from {levels.min()} to {levels.max()}; needed them in [0, 1]")
     whole = 1.0 if levels.dtype.kind == "f" else 2.0 ** sample_bits(levels) - 1.0
     return levels.astype(np.float32) / np.float32(whole)
 
@@ -173,11 +173,11 @@ def masks_from_segmenter(
     if scale not in ("mask", "probability", "logit"):
         raise ValueError(f"kind is {kind!r}; needed 'mask', 'probability', 'logit' or None")
     with np.errstate(over="ignore"):
-        shares = 1.0 / (1.0 + np.exp(-given.astype(np.float32))) if scale == "logit" else given.astype(np.float32)
-    shares = (given != 0).astype(np.float32) if scale == "mask" else shares
-    if not (shares.min() >= 0.0 and shares.max() <= 1.0):
+        fractions = 1.0 / (1.0 + np.exp(-given.astype(np.float32))) if scale == "logit" else given.astype(np.float32)
+    fractions = (given != 0).astype(np.float32) if scale == "mask" else fractions
+    if not (fractions.min() >= 0.0 and fractions.max() <= 1.0):
         raise ValueError(f"masks hold values from {given.min()} to {given.max()}; needed probabilities in [0, 1]")
-    return [share if coverage else np.asarray(share > 0.5) for share in shares]
+    return [fraction if coverage else np.asarray(fraction > 0.5) for fraction in fractions]
 
 
 def _arrays_of(masks: Any) -> NDArray[np.generic]:

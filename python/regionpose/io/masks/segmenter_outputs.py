@@ -11,7 +11,7 @@ from regionpose.io.masks.mask_items import Drawn, polygon_mask
 from regionpose.validation.foreign import as_array
 
 MASK_AXES = 2
-"""Axes of masks beyond those of their scores, which tell a predictor's tuple from a tuple of masks."""
+"""Axes of masks beyond those of their scores, which distinguish a predictor's tuple from a tuple of masks."""
 
 
 def output_masks(output: Any) -> Any:

@@ -13,7 +13,7 @@ from scipy.special import chdtri, expit
 
 from regionpose import _core
 from regionpose.alignment.edge_frame import EdgeFrame
-from regionpose.alignment.hypotheses import Place, answers_of, confidences_of
+from regionpose.alignment.hypotheses import Place, confidences_of, solutions_of
 from regionpose.alignment.odds import DECISIVE
 from regionpose.alignment.region_evidence import RegionEvidence
 from regionpose.solve.edge_diagnostics import Alignment, FocalEvidence, Occlusion
@@ -24,26 +24,26 @@ from regionpose.solve.warning_code import WarningCode
 
 Array = NDArray[np.float64]
 
-AMBIGUOUS_SHARE = 0.02
+AMBIGUOUS_PROBABILITY = 0.02
 """Probability of another place from which on a pose is ambiguous: a convention, less than the 3 % that a trusted pose
 may lack."""
 
-LISTED_SHARE = 1e-3
-"""Least probability of a place by edges alone that is listed beside answers of regions: a convention."""
+LISTED_PROBABILITY = 1e-3
+"""Least probability of a place by edges alone that is listed beside solutions of regions: a convention."""
 
 OF_AMBIGUITY = {WarningCode.AMBIGUOUS_POSE, WarningCode.AMBIGUOUS_REGION}
 """Warnings that other poses fit about as well."""
 
 OF_CONFIDENCE = {*OF_AMBIGUITY, WarningCode.LOW_CONFIDENCE}
-"""Warnings that say no more than that the confidence is low."""
+"""Warnings of a low confidence alone."""
 
-MOST_MOVED = float(np.sqrt(chdtri(6.0, 0.0027)))
+MOST_SIGMAS = float(np.sqrt(chdtri(6.0, 0.0027)))
 """Mahalanobis distance of six parameters that chance exceeds as rarely as three standard deviations of one."""
 
 
 @dataclass(frozen=True, eq=False)
-class Judgment:
-    """What is left once edges were looked at: `places`, the likeliest first, `none`, the weight of none of them, and
+class Assessment:
+    """The hypotheses after edges were compared: `places`, the likeliest first, `none`, the weight of none of them, and
     the evidence of focal lengths.
     """
 
@@ -56,9 +56,9 @@ class Judgment:
     def by_edges(self) -> PoseEstimate:
         """The estimate of the likeliest place without regions."""
         shift = self._focal_shift(np.zeros(6))
-        covariance, shares = self._covariance(shift, self._pixel_angle), self._shares
+        covariance, probabilities = self._covariance(shift, self._pixel_angle), self._probabilities
         diagnostics = Diagnostics(
-            mode_probability=float(shares[0]),
+            mode_probability=float(probabilities[0]),
             overlap_error=np.nan,
             region_overlap_errors=np.empty(0),
             boundary_noise_px=np.nan,
@@ -71,35 +71,35 @@ class Judgment:
             focal_shift=shift,
             pixel_angle_rad=self._pixel_angle,
         )
-        confidence = float(shares[0]) * _core.nearness(covariance)
+        confidence = float(probabilities[0]) * _core.rotation_confidence(covariance)
         estimate = PoseEstimate(self.places[0].best.pose, covariance, confidence, (), diagnostics)
         warnings = [*self._of_focal, *_ambiguity(estimate, None), *_weakness(estimate, self.solver)]
         return replace(estimate, warnings=(*warnings, *_doubt(estimate, warnings)))
 
-    def with_regions(self, regions: RegionEvidence, answers: PoseEstimate) -> PoseEstimate:
-        """The estimate of the likeliest place; `regions`: with the answer first that is there, if any is; `answers`:
-        those by which places are numbered.
+    def with_regions(self, regions: RegionEvidence, solutions: PoseEstimate) -> PoseEstimate:
+        """The estimate of the likeliest place; `regions`: with the solution first that is there, if any is;
+        `solutions`: those by which places are numbered.
         """
-        best, shares, base = self.places[0].best, self._shares, regions.estimate
+        best, probabilities, base = self.places[0].best, self._probabilities, regions.estimate
         shift = self._focal_shift(base.diagnostics.focal_shift)
         covariance = self._covariance(shift, base.diagnostics.pixel_angle_rad)
-        moved = regions.moved(best.pose, covariance, self.solver)
-        near = _core.nearness(covariance) if np.isfinite(covariance).all() else 1.0
-        confidence = float(shares[0]) * near
+        reevaluated = regions.estimate_at(best.pose, covariance, self.solver)
+        near = _core.rotation_confidence(covariance) if np.isfinite(covariance).all() else 1.0
+        confidence = float(probabilities[0]) * near
         diagnostics = replace(
-            moved.diagnostics,
+            reevaluated.diagnostics,
             mode_probability=confidence,
-            alternatives=self._alternatives(answers),
+            alternatives=self._alternatives(solutions),
             focal_shift=shift,
         )
-        estimate = replace(moved, confidence=confidence, diagnostics=diagnostics)
-        kept = [warning for warning in moved.warnings if warning.code not in OF_CONFIDENCE]
-        warnings = [*kept, *self._of_focal, *_ambiguity(estimate, answers), *self._contradiction(base)]
-        warnings += self._disagreement(answers, estimate.confidence)
+        estimate = replace(reevaluated, confidence=confidence, diagnostics=diagnostics)
+        kept = [warning for warning in reevaluated.warnings if warning.code not in OF_CONFIDENCE]
+        warnings = [*kept, *self._of_focal, *_ambiguity(estimate, solutions), *self._contradiction(base)]
+        warnings += self._disagreement(solutions, estimate.confidence)
         return replace(estimate, warnings=(*warnings, *_doubt(estimate, warnings)))
 
     @property
-    def _shares(self) -> Array:
+    def _probabilities(self) -> Array:
         """Probabilities (n,) of the places, with the given focal lengths."""
         given = 1.0 if self.focal is None else float(expit(self.focal.log_odds))
         return confidences_of(self.places, self.none) * given
@@ -128,28 +128,28 @@ class Judgment:
         return self.places[0].covariance(exposure)
 
     def _alternatives(self, regions: PoseEstimate | None) -> tuple[Alternative, ...]:
-        """The other places, likeliest first; with what regions say of those that are answers of theirs."""
-        answers = [] if regions is None else answers_of(regions)
+        """The other places, likeliest first; with the regions' fit of those that are solutions of theirs."""
+        solutions = [] if regions is None else solutions_of(regions)
         found = []
-        for place, share in zip(self.places[1:], self._shares[1:].tolist(), strict=True):
-            answer = None if place.answer is None else answers[place.answer]
-            if regions is not None and answer is None and share < LISTED_SHARE:
+        for place, probability in zip(self.places[1:], self._probabilities[1:].tolist(), strict=True):
+            solution = None if place.solution is None else solutions[place.solution]
+            if regions is not None and solution is None and probability < LISTED_PROBABILITY:
                 continue
-            fit = answer.diagnostics if isinstance(answer, PoseEstimate) else answer
+            fit = solution.diagnostics if isinstance(solution, PoseEstimate) else solution
             errors = np.empty(0) if fit is None else fit.region_overlap_errors
             whole = np.nan if fit is None else fit.overlap_error
             covariance = place.covariance(np.zeros((6, 6)))
-            found.append(Alternative(place.best.pose, covariance, share, share, whole, errors))
+            found.append(Alternative(place.best.pose, covariance, probability, probability, whole, errors))
         return tuple(found)
 
     def _contradiction(self, regions: PoseEstimate) -> list[PoseWarning]:
-        """A warning where edges lead to a pose beyond what the regions leave open: one of them is wrong."""
+        """A warning where the pose by edges is an outlier of the regions' covariance: one of them is wrong."""
         pose, covariance = self.places[0].best.pose, regions.covariance
         increment = regions.pose.local_coordinates(pose)
         if not np.isfinite(covariance).all():
             return []
         sigmas = float(np.sqrt(increment @ np.linalg.solve(covariance, increment)))
-        if sigmas <= MOST_MOVED:
+        if sigmas <= MOST_SIGMAS:
             return []
         turned, shift = float(np.degrees(np.linalg.norm(increment[:3]))), float(np.linalg.norm(increment[3:]))
         values = {"rotation_deg": turned, "shift_m": shift, "sigmas": sigmas}
@@ -176,7 +176,7 @@ def hidden_regions(alignments: Sequence[Alignment], starts: Sequence[int]) -> It
 
 def _hidden_region(region: int, occlusion: Occlusion) -> PoseWarning:
     values = {
-        "hidden_share": occlusion.share,
+        "hidden_fraction": occlusion.hidden_fraction,
         "distance_m": occlusion.distance_m,
         "region_distance_m": occlusion.region_distance_m,
     }
@@ -184,13 +184,15 @@ def _hidden_region(region: int, occlusion: Occlusion) -> PoseWarning:
 
 
 def _ambiguity(estimate: PoseEstimate, regions: PoseEstimate | None) -> list[PoseWarning]:
-    """That other places are about as likely; what regions said of that where they did, who name the one at fault."""
-    others = [other for other in estimate.diagnostics.alternatives if other.mode_probability > AMBIGUOUS_SHARE]
+    """That other places are about as likely; the regions' warning of that where there is one, which names the region at
+    fault.
+    """
+    others = [other for other in estimate.diagnostics.alternatives if other.mode_probability > AMBIGUOUS_PROBABILITY]
     if not others:
         return []
-    said = [] if regions is None else [each for each in regions.warnings if each.code in OF_AMBIGUITY]
-    if said:
-        return said
+    given = [] if regions is None else [each for each in regions.warnings if each.code in OF_AMBIGUITY]
+    if given:
+        return given
     turns = [np.degrees((other.pose.rotation * estimate.pose.rotation.inv()).magnitude()) for other in others]
     moves = [float(np.linalg.norm(other.pose.camera_center - estimate.pose.camera_center)) for other in others]
     values = {"others": len(others), "rotation_deg": float(min(turns)), "shift_m": min(moves)}
@@ -199,16 +201,16 @@ def _ambiguity(estimate: PoseEstimate, regions: PoseEstimate | None) -> list[Pos
 
 def _weakness(estimate: PoseEstimate, solver: Solver) -> list[PoseWarning]:
     """That the deviations of an estimate by edges are larger than those of a trusted pose."""
-    most_deg, share = solver.limits
+    most_deg, fraction = solver.limits
     turn, shift = float(estimate.sigma.rotation_deg.max()), float(estimate.sigma.translation_m.max())
     # So, for NaN, too.
-    if turn <= most_deg and shift <= share * estimate.diagnostics.distance_m:
+    if turn <= most_deg and shift <= fraction * estimate.diagnostics.distance_m:
         return []
     values = {
         "rotation_sigma_deg": turn,
         "translation_sigma_m": shift,
         "max_rotation_sigma_deg": most_deg,
-        "max_translation_sigma_m": share * estimate.diagnostics.distance_m,
+        "max_translation_sigma_m": fraction * estimate.diagnostics.distance_m,
     }
     return [PoseWarning(WarningCode.WEAK_GEOMETRY, values=values)]
 
