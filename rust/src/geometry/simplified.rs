@@ -1,4 +1,4 @@
-//! Polyline simplification of closed rings (Douglas and Peucker 1973).
+//! Simplification of lines and closed rings (Douglas and Peucker 1973).
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -8,11 +8,7 @@ use nalgebra::SVector;
 use crate::budget;
 use crate::geometry::point_tree::PointTree;
 
-/// Vertices of a ring without which it would be farther off than `tolerance`, in order (Douglas and Peucker 1973).
-///
-/// Charges the points it evaluates: a tree of balls finds the vertex farthest from a chord without evaluating all of them, and
-/// chords are on an explicit stack, so that a spiral, which is cut off vertex by vertex, takes neither the square of its vertices nor
-/// the thread's stack.
+/// Vertices of a ring without which it would be farther off than `tolerance`, in order; charges the points it evaluates.
 pub fn simplified<const D: usize>(ring: &[SVector<f64, D>], tolerance: f64) -> Vec<SVector<f64, D>> {
     let farthest = |from: &SVector<f64, D>| {
         let squares = ring.iter().map(|point| (point - from).norm_squared()).enumerate();
@@ -28,18 +24,24 @@ pub fn simplified<const D: usize>(ring: &[SVector<f64, D>], tolerance: f64) -> V
         (0..=count).map(|k| ring[(from + k) % ring.len()]).collect::<Vec<_>>()
     };
     let lines = [side(first, second), side(second, first)];
-    let kept = lines.iter().flat_map(|line| needed(line, tolerance * tolerance)).collect();
+    let kept = lines.iter().flat_map(|line| simplified_line(line, tolerance)).collect();
     without_needless(kept, tolerance * tolerance)
 }
 
-/// The first vertex of a line, and those that it needs between its ends.
-fn needed<const D: usize>(line: &[SVector<f64, D>], limit: f64) -> Vec<SVector<f64, D>> {
+/// The first vertex of a line, and those between its ends without which it would be farther off than `tolerance`, in order (Douglas
+/// and Peucker 1973); none of an empty line.
+///
+/// Charges the points it evaluates: a tree of balls finds the vertex farthest from a chord without evaluating all of them, and
+/// chords are on an explicit stack, so that a spiral, which is cut off vertex by vertex, takes neither the square of its vertices nor
+/// the thread's stack.
+pub(crate) fn simplified_line<const D: usize>(line: &[SVector<f64, D>], tolerance: f64) -> Vec<SVector<f64, D>> {
+    let Some(end) = line.len().checked_sub(1) else { return Vec::new() };
     let tree = PointTree::new(line);
     let mut is_kept = vec![false; line.len()];
     is_kept[0] = true;
-    let mut chords = vec![(0, line.len() - 1)];
+    let mut chords = vec![(0, end)];
     while let Some((first, last)) = chords.pop() {
-        if let Some(farthest) = tree.farthest_from_chord(first, last, limit) {
+        if let Some(farthest) = tree.farthest_from_chord(first, last, tolerance * tolerance) {
             is_kept[farthest] = true;
             chords.extend([(first, farthest), (farthest, last)]);
         }
