@@ -3,15 +3,11 @@
 use crate::support::contours::distances;
 use crate::support::jacobian::assert_jacobian;
 use crate::support::random::Random;
-use crate::support::scene::{FOCAL, Ring, SpaceRing, pierced_star, placed, rectangle, rendered, seen_plane, star};
+use crate::support::scene::{FOCAL, Ring, SpaceRing, placed, rectangle, rendered, seen_plane};
 use nalgebra::{DVector, Vector2, Vector3};
 use regionpose::internals::equations::system::Weighting;
-use regionpose::internals::geometry::clipping::{Window, intersection};
-use regionpose::internals::geometry::overlap::overlap_areas;
 use regionpose::internals::geometry::pose::Tangent;
-use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::internals::verdict::coverage::region_overlap;
-use regionpose::moments::plane::planar_moments;
 use regionpose::{Error, Integration, ObservedRegion, Options, Pose, Problem, Refinement, System, WorldRegion};
 
 /// Sums over the same outlines in another order differ by rounding.
@@ -30,90 +26,6 @@ const ROUNDED: f64 = 1e-3;
 /// A convex shape without symmetry.
 fn shape() -> Ring {
     [[-0.7, -0.4], [0.5, -0.5], [0.8, 0.3], [0.1, 0.65], [-0.5, 0.35]].map(|[x, y]| Vector2::new(x, y)).to_vec()
-}
-
-fn area(rings: &[Ring]) -> f64 {
-    planar_moments(rings.iter().map(Vec::as_slice), 0).get(0, 0)
-}
-
-#[test]
-fn what_stars_share_has_the_area_of_their_overlap() {
-    for seed in 0..40 {
-        let random = &mut Random::new(seed);
-        let first = PlaneRings::new(pierced_star(random, 9, 1.0)).unwrap();
-        let shift = Vector2::new(random.uniform(-0.8, 0.8), random.uniform(-0.8, 0.8));
-        let second = star(random, [7, 90][seed as usize % 2], 1.0).iter().map(|p| p + shift).collect();
-        let second = PlaneRings::new(vec![second]).unwrap();
-        let shared = intersection(first.rings(), second.rings());
-        // Areas on the sphere are those of the plane where both are small.
-        let small = |rings: &[Ring]| {
-            let shrunk = rings.iter().map(|ring| ring.iter().map(|p| p * 1e-4).collect()).collect();
-            PlaneRings::new(shrunk).unwrap()
-        };
-        let expected = overlap_areas(&small(first.rings()), &small(second.rings())).intersection * 1e8;
-        assert!((area(&shared.rings) - expected).abs() < 1e-7, "seed {seed}: {} {expected}", area(&shared.rings));
-        let on_second = |p: &Vector2<f64>| {
-            second.edges().any(|(a, b)| {
-                let share = ((p - a).dot(&(b - a)) / (b - a).norm_squared()).clamp(0.0, 1.0);
-                (a.lerp(&b, share) - p).norm() < ROUNDING
-            })
-        };
-        assert!(shared.border.iter().flatten().all(on_second), "seed {seed}: border edges lie on the second region");
-    }
-}
-
-#[test]
-fn outlines_that_touch_or_coincide_share_what_they_should() {
-    let square = |x: f64, y: f64| rectangle(1.0, 1.0).iter().map(|p| p + Vector2::new(x, y)).collect::<Ring>();
-    let shared = |other: Ring| area(&intersection(&[square(0.0, 0.0)], &[other]).rings);
-    let corners = [[0.0, -0.5], [0.5, 0.0], [0.0, 0.5], [-0.5, 0.0]].map(|[x, y]| Vector2::new(x, y)).to_vec();
-    for (other, expected) in [
-        (square(0.0, 0.0), 1.0),
-        (square(1.0, 0.0), 0.0),
-        (square(0.0, -1.0), 0.0),
-        (square(1.0, 1.0), 0.0),
-        (square(0.5, 0.0), 0.5),
-        (square(0.0, 0.25), 0.75),
-        (rectangle(3.0, 1.0), 1.0),
-        (rectangle(0.5, 0.5), 0.25),
-        (corners, 0.5),
-    ] {
-        let found = shared(other.clone());
-        assert!((found - expected).abs() < ROUNDING, "{other:?}: {found}");
-    }
-}
-
-#[test]
-fn a_hole_that_the_border_cuts_is_left_out() {
-    let outer = rectangle(2.0, 2.0);
-    let hole: Ring = rectangle(1.0, 1.0).into_iter().rev().collect();
-    let half = rectangle(2.0, 4.0).iter().map(|p| p + Vector2::new(1.0, 0.0)).collect();
-    let shared = intersection(&[outer, hole], &[half]);
-    assert!((area(&shared.rings) - 1.5).abs() < ROUNDING);
-    let border: f64 = shared.border.iter().map(|[a, b]| (b - a).norm()).sum();
-    assert!((border - 1.0).abs() < ROUNDING, "the border is seen on both sides of the hole: {border}");
-}
-
-/// A comb of a hundred teeth against a slab across them, each of them cutting the other.
-#[test]
-fn many_edges_share_what_few_do() {
-    let teeth = 100;
-    let tooth = |k: usize| [(0.0, 0.0), (0.5, 0.0), (0.5, 2.0), (0.0, 2.0)].map(|(x, y)| Vector2::new(k as f64 + x, y));
-    let comb: Vec<Ring> = (0..teeth).map(|k| tooth(k).to_vec()).collect();
-    let slab = vec![rectangle(300.0, 1.0).iter().map(|p| p + Vector2::new(0.0, 1.0)).collect::<Ring>()];
-    let length = |border: &[[Vector2<f64>; 2]]| border.iter().map(|[a, b]| (b - a).norm()).sum::<f64>();
-    for (first, second, edges, border) in
-        [(&comb, &slab, 2 * teeth, teeth as f64), (&slab, &comb, 2 * teeth, 2.0 * teeth as f64)]
-    {
-        let window = Window::new(second.clone());
-        assert_eq!(window.edge_count(), 4 * second.len());
-        let shared = window.shared_with(first);
-        assert_eq!((shared.rings.len(), shared.border.len()), (teeth, edges));
-        assert!((area(&shared.rings) - 0.5 * teeth as f64).abs() < 1e-9, "{}", area(&shared.rings));
-        assert!((length(&shared.border) - border).abs() < 1e-9, "{}", length(&shared.border));
-        // It is not used up.
-        assert_eq!(window.shared_with(first), shared);
-    }
 }
 
 /// A region cut along the great circle of a normal, with the border of the image there.

@@ -7,6 +7,7 @@ mod alignment;
 mod batch;
 mod border;
 mod chart;
+mod clipping;
 mod closed_form;
 mod confidence;
 mod contour;

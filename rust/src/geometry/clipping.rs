@@ -64,10 +64,18 @@ impl Window {
     /// The intersection of another region with this one, which gives the border; charges the edges it evaluates.
     pub fn shared_with(&self, first: &[Vec<Point>]) -> Clipped {
         let crossings = self.crossings(first);
-        let of_first = paths(first, &crossings, 0, |point| self.holds(point, 1.0));
-        // One test for each ring of whether the other region holds it.
-        budget::charge(self.rings.len() * edges(first).count());
-        let of_second = paths(&self.rings, &crossings, 1, |point| holds(first, point, -1.0));
+        let of_first = paths(first, &crossings, 0, |point| is_inside(&self.edges, point, 1.0));
+        let of_second = match &self.rings[..] {
+            // One test alone is not worth boxes.
+            [_] => {
+                budget::charge(edges(first).count());
+                paths(&self.rings, &crossings, 1, |point| holds(first, point, -1.0))
+            }
+            _ => {
+                let first = EdgeBoxes::new(edges(first).collect());
+                paths(&self.rings, &crossings, 1, |point| is_inside(&first, point, -1.0))
+            }
+        };
         let mut clipped = stitched(&of_first, &of_second, crossings.len());
         for ring in &of_second.closed {
             clipped.border.extend((0..ring.len()).map(|k| [ring[k], ring[(k + 1) % ring.len()]]));
@@ -79,34 +87,18 @@ impl Window {
     fn crossings(&self, first: &[Vec<Point>]) -> Vec<Crossing> {
         let mut found = Vec::new();
         for (number, [a, b]) in edges(first).enumerate() {
-            let (lower, upper) = (a.inf(&b), a.sup(&b));
-            let apart = |low: Point, high: Point| (0..2).any(|k| low[k] > upper[k] || high[k] < lower[k]);
-            self.edges.for_each_near(
-                |[low, high]| !apart(*low, *high),
-                |other, [c, d]| {
-                    let enters = is_left(c, d, b, 1.0);
-                    if is_left(c, d, a, 1.0) == enters || is_left(a, b, c, -1.0) == is_left(a, b, d, -1.0) {
-                        return;
-                    }
-                    let (share, other_share) = (share_before(a, b, c, d), share_before(c, d, a, b));
-                    let places = [(number, share), (other, other_share)];
-                    found.push(Crossing { places, point: a.lerp(&b, share), enters });
-                },
-            );
+            self.edges.for_each_across([a, b], |other, [c, d]| {
+                let enters = is_left(c, d, b, 1.0);
+                if is_left(c, d, a, 1.0) == enters || is_left(a, b, c, -1.0) == is_left(a, b, d, -1.0) {
+                    return;
+                }
+                let (share, other_share) = (share_before(a, b, c, d), share_before(c, d, a, b));
+                let places = [(number, share), (other, other_share)];
+                found.push(Crossing { places, point: a.lerp(&b, share), enters });
+            });
         }
         budget::charge(EDGES_OF_CROSSING * found.len());
         found
-    }
-
-    /// Whether it holds a point moved by an infinitesimal step of this sign.
-    fn holds(&self, point: Point, moved: f64) -> bool {
-        let mut inside = false;
-        self.edges.for_each_near(
-            // A ray to the right meets nothing that is above, below or left of the point.
-            |[low, high]| low.y <= point.y && high.y >= point.y && high.x >= point.x,
-            |_, [a, b]| inside ^= is_beside(a, b, point, moved),
-        );
-        inside
     }
 }
 
@@ -198,6 +190,17 @@ fn along(crossings: &[Crossing], side: usize) -> Vec<Event> {
 /// Whether rings hold a point moved by an infinitesimal step of this sign.
 pub fn holds(rings: &[Vec<Point>], point: Point, moved: f64) -> bool {
     edges(rings).filter(|&[a, b]| is_beside(a, b, point, moved)).count() % 2 == 1
+}
+
+/// Whether the region that edges bound holds a point moved by an infinitesimal step of this sign.
+fn is_inside(edges: &EdgeBoxes, point: Point, moved: f64) -> bool {
+    let mut inside = false;
+    edges.for_each_near(
+        // A ray to the right meets nothing that is above, below or left of the point.
+        |[low, high]| low.y <= point.y && high.y >= point.y && high.x >= point.x,
+        |_, [a, b]| inside ^= is_beside(a, b, point, moved),
+    );
+    inside
 }
 
 /// Whether a ray to the right from a point moved by an infinitesimal step of this sign meets an edge.

@@ -1,4 +1,4 @@
-//! A bounding volume hierarchy of edges: those whose boxes are near a point.
+//! A bounding volume hierarchy of edges: those near a point, those that a segment may cross.
 
 use std::ops::Range;
 
@@ -10,25 +10,43 @@ use crate::geometry::rings::bounding_box;
 /// Edges or boxes in one box: neighbors along a line lie together. A convention.
 const GROUP: usize = 8;
 
+/// How much farther than computed a tilted box may reach, as a share of the largest coordinate: more than products are rounded by.
+const ROUNDING: f64 = 1e-9;
+
+type Point = Vector2<f64>;
+
 /// Lower left and upper right corners.
-pub(crate) type Corners = [Vector2<f64>; 2];
+pub(crate) type Corners = [Point; 2];
 
 /// Edges that do not move, and boxes around them.
 #[derive(Debug, Clone)]
 pub(crate) struct EdgeBoxes {
-    edges: Vec<[Vector2<f64>; 2]>,
+    edges: Vec<[Point; 2]>,
     /// Boxes around every [`GROUP`] edges, around every so many of these, and so on while there are more.
-    levels: Vec<Vec<Corners>>,
+    levels: Vec<Vec<EdgeBox>>,
+}
+
+/// Two boxes around the same edges: one along the axes, and a tilted one along the longest edge, which is far more slender where
+/// edges run side by side.
+#[derive(Debug, Clone)]
+struct EdgeBox {
+    corners: Corners,
+    longest: Point,
+    /// The longest edge's direction.
+    along: Point,
+    /// The tilted box: least and greatest coordinates along that direction and across it.
+    tilted: Corners,
 }
 
 impl EdgeBoxes {
     /// Boxes around edges, given by their ends; neighbors are best given one after the other.
-    pub(crate) fn new(edges: Vec<[Vector2<f64>; 2]>) -> Self {
-        let mut levels: Vec<Vec<Corners>> = Vec::new();
-        let mut below = edges.as_slice();
-        while below.len() > GROUP {
-            levels.push(below.chunks(GROUP).map(around).collect());
-            below = &levels[levels.len() - 1];
+    pub(crate) fn new(edges: Vec<[Point; 2]>) -> Self {
+        let mut levels: Vec<Vec<EdgeBox>> = Vec::new();
+        if edges.len() > GROUP {
+            levels.push(edges.chunks(GROUP).map(EdgeBox::around_edges).collect());
+        }
+        while let Some(below) = levels.last().filter(|below| below.len() > GROUP) {
+            levels.push(below.chunks(GROUP).map(EdgeBox::around_boxes).collect());
         }
         Self { edges, levels }
     }
@@ -40,13 +58,25 @@ impl EdgeBoxes {
 
     /// Gives the edges whose boxes, and all boxes around them, may be near, with their numbers, rising; counts the boxes that are
     /// asked for (`budget`).
-    pub(crate) fn for_each_near(
+    pub(crate) fn for_each_near(&self, near: impl Fn(&Corners) -> bool, mut found: impl FnMut(usize, [Point; 2])) {
+        self.for_each_in(&|group: &EdgeBox| near(&group.corners), &near, &mut found);
+    }
+
+    /// Gives the edges whose boxes meet that of a segment, in boxes that the segment may meet; numbers and count as above.
+    pub(crate) fn for_each_across(&self, [a, b]: [Point; 2], mut found: impl FnMut(usize, [Point; 2])) {
+        let (lower, upper) = (a.inf(&b), a.sup(&b));
+        let near = |[low, high]: &Corners| (0..2).all(|k| low[k] <= upper[k] && high[k] >= lower[k]);
+        self.for_each_in(&|group: &EdgeBox| near(&group.corners) && group.may_meet(a, b), &near, &mut found);
+    }
+
+    fn for_each_in(
         &self,
-        near: impl Fn(&Corners) -> bool,
-        mut found: impl FnMut(usize, [Vector2<f64>; 2]),
+        enters: &impl Fn(&EdgeBox) -> bool,
+        near: &impl Fn(&Corners) -> bool,
+        found: &mut impl FnMut(usize, [Point; 2]),
     ) {
         let top = self.levels.last().map_or(self.edges.len(), Vec::len);
-        budget::charge(self.visit(self.levels.len(), 0..top, &near, &mut found));
+        budget::charge(self.visit(self.levels.len(), 0..top, enters, near, found));
     }
 
     /// The same of a part of a level, level 0 being the edges; how many were evaluated.
@@ -54,8 +84,9 @@ impl EdgeBoxes {
         &self,
         level: usize,
         part: Range<usize>,
+        enters: &impl Fn(&EdgeBox) -> bool,
         near: &impl Fn(&Corners) -> bool,
-        found: &mut impl FnMut(usize, [Vector2<f64>; 2]),
+        found: &mut impl FnMut(usize, [Point; 2]),
     ) -> usize {
         let mut evaluated = part.len();
         let Some(below) = level.checked_sub(1) else {
@@ -67,19 +98,60 @@ impl EdgeBoxes {
             return evaluated;
         };
         let count = below.checked_sub(1).map_or(self.edges.len(), |level| self.levels[level].len());
-        for (group, corners) in part.clone().zip(&self.levels[below][part]) {
-            if near(corners) {
-                evaluated += self.visit(below, group * GROUP..((group + 1) * GROUP).min(count), near, found);
+        for (number, group) in part.clone().zip(&self.levels[below][part]) {
+            if enters(group) {
+                let inner = number * GROUP..((number + 1) * GROUP).min(count);
+                evaluated += self.visit(below, inner, enters, near, found);
             }
         }
         evaluated
     }
 }
 
-/// The box around pairs of points.
-fn around(pairs: &[[Vector2<f64>; 2]]) -> Corners {
-    let (low, high) = bounding_box(pairs.iter().flatten().copied());
-    [low, high]
+impl EdgeBox {
+    fn around_edges(edges: &[[Point; 2]]) -> Self {
+        let corners = bounding_box(edges.iter().flatten().copied());
+        Self::new(corners.into(), edges.iter().map(|[a, b]| b - a), edges.iter().flatten().copied())
+    }
+
+    fn around_boxes(boxes: &[Self]) -> Self {
+        let corners = bounding_box(boxes.iter().flat_map(|inner| inner.corners));
+        Self::new(corners.into(), boxes.iter().map(|inner| inner.longest), boxes.iter().flat_map(Self::tilted_corners))
+    }
+
+    /// The boxes of these corners and around points, tilted as the longest of the steps.
+    fn new(corners: Corners, steps: impl Iterator<Item = Point>, points: impl Iterator<Item = Point>) -> Self {
+        let longer = |a: Point, b: Point| if b.norm_squared() > a.norm_squared() { b } else { a };
+        let longest = steps.fold(Point::zeros(), longer);
+        let along = longest.try_normalize(0.0).unwrap_or(Point::x());
+        let (low, high) = bounding_box(points.map(|point| tilted(along, point)));
+        Self { corners, longest, along, tilted: [low, high] }
+    }
+
+    fn tilted_corners(&self) -> [Point; 4] {
+        let [low, high] = self.tilted;
+        let back = Point::new(self.along.x, -self.along.y);
+        [low, Point::new(high.x, low.y), high, Point::new(low.x, high.y)].map(|corner| tilted(back, corner))
+    }
+
+    /// Whether a segment may meet the tilted box: `false` only where a line along one of its sides or along the segment lies between.
+    fn may_meet(&self, a: Point, b: Point) -> bool {
+        let [low, high] = self.tilted;
+        let room = ROUNDING * low.amax().max(high.amax()).max(a.amax()).max(b.amax());
+        let (from, to) = (tilted(self.along, a), tilted(self.along, b));
+        let (least, most) = (from.inf(&to), from.sup(&to));
+        if (0..2).any(|k| least[k] > high[k] + room || most[k] < low[k] - room) {
+            return false;
+        }
+        let (step, half) = (to - from, (high - low) / 2.0);
+        let off = step.perp(&(low + half - from)).abs();
+        off <= step.x.abs() * (half.y + room) + step.y.abs() * (half.x + room)
+    }
+}
+
+/// A point's coordinates along a direction and across it, to its left.
+fn tilted(along: Point, point: Point) -> Point {
+    Point::new(along.dot(&point), along.perp(&point))
 }
 
 #[cfg(test)]

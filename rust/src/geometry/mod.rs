@@ -7,6 +7,5 @@ pub mod edge_field;
 pub mod overlap;
 mod point_tree;
 pub mod pose;
-mod ring_parts;
 pub mod rings;
 pub mod simplified;

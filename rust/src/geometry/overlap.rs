@@ -2,29 +2,20 @@
 //!
 //! Both regions lie in one gnomonic chart: a point `(x, y)` is the bearing along `(x, y, 1)`, a straight edge an arc of
 //! a great circle. Areas are solid angles, so the error is the same in every chart and for every central camera.
-//!
-//! No polygon is clipped. With `s_e = +1` for an edge that has its region below and `-1` for one that has it above, a
-//! region's indicator is the sum over its edges of `s_e [y < y_e(x)]`, so the area common to two regions is
-//! `sum over e, f of s_e s_f * area below min(y_e, y_f)`, over the x that both edges span (`docs/math.md`, eq. 8.3).
-//! Every term depends continuously on the vertices: edges that touch or coincide need no care, and nothing is snapped
-//! to a grid.
-//!
-//! Below an edge lies what the sum over all edges of the other region above it counts there, of which those of a part of a ring
-//! that is above it as a whole leave the ends of that part. So no list of pairs is kept, and few pairs are evaluated.
 
+use std::cmp::Ordering;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Add;
 
+use nalgebra::Vector2;
+
 use crate::budget;
-use crate::geometry::ring_parts::{Edge, Part, Parts, Point, Visitor, greater, lesser, sign};
-use crate::geometry::rings::PlaneRings;
+use crate::geometry::clipping::intersection;
+use crate::geometry::rings::{PlaneRings, ring_edges};
 use crate::math::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 
-/// Room around a part of a ring, as a share of the largest coordinate: more than heights are rounded by.
-const ROUNDING: f64 = 1e-9;
-
-/// Cost of a segment, in edge evaluations: the half angle below it.
-const EDGES_OF_SEGMENT: usize = 2;
+/// Cost of the half angle below an edge, in edge evaluations.
+const EDGES_OF_HALF_ANGLE: usize = 2;
 
 /// Solid angles of what two regions share and of what only one of them covers, in steradians.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -70,14 +61,14 @@ impl Add for OverlapAreas {
 }
 
 /// Solid angles of the intersection and the two differences of regions in the same chart `z = 1`, in steradians; charges the edges
-/// and parts of rings that it evaluates (`budget`).
+/// that it evaluates (`budget`).
 ///
 /// Each is right to about 1e-15 of the region's extent as an angle, times its greatest coordinate where that is above one, and
 /// never negative.
 pub fn overlap_areas(observed: &PlaneRings, predicted: &PlaneRings) -> OverlapAreas {
-    let (first, second) = (Parts::of(observed.rings()), Parts::of(predicted.rings()));
-    let (first_area, second_area) = (Segments::of(&first).area(), Segments::of(&second).area());
-    let intersection = common_area(&first, &second).clamp(0.0, first_area.min(second_area).max(0.0));
+    let shared = intersection(observed.rings(), predicted.rings()).rings;
+    let [first_area, second_area] = [observed, predicted].map(|region| solid_angle(region.rings()));
+    let intersection = solid_angle(&shared).clamp(0.0, first_area.min(second_area).max(0.0));
     OverlapAreas {
         intersection,
         only_observed: (first_area - intersection).max(0.0),
@@ -85,165 +76,25 @@ pub fn overlap_areas(observed: &PlaneRings, predicted: &PlaneRings) -> OverlapAr
     }
 }
 
-/// Sum over all pairs of edges that share some x, of one region each.
-fn common_area(first: &Parts, second: &Parts) -> f64 {
-    let mut lower = Segments::default();
-    lower.add_below(first, second, true);
-    lower.add_below(second, first, false);
-    lower.area()
+/// Solid angle of a region of the chart, up to a hemisphere, clamped from 0 to 2 pi against rounding: with `s_e = +1` for an edge
+/// that has its region below and `-1` for one that has it above, the sum over edges of `s_e` times the area below them.
+fn solid_angle(rings: &[Vec<Vector2<f64>>]) -> f64 {
+    // From left to right; vertical edges bound no area below them.
+    let below = |(a, b): (Vector2<f64>, Vector2<f64>)| match a.x.total_cmp(&b.x) {
+        Ordering::Less => Some(([a, b], -1.0)),
+        Ordering::Equal => None,
+        Ordering::Greater => Some(([b, a], 1.0)),
+    };
+    let edges: Vec<_> = rings.iter().flat_map(|ring| ring_edges(ring)).filter_map(below).collect();
+    budget::charge(EDGES_OF_HALF_ANGLE * edges.len());
+    let (re, im) = vectorized(HalfAngles(&edges));
+    let half = im.atan2(re);
+    2.0 * if half < -FRAC_PI_2 { half + TAU } else { half }
 }
 
-/// Parts of edges from left to right, each with the sign of the area below it.
-#[derive(Default)]
-struct Segments(Vec<([Point; 2], f64)>);
-
-impl Segments {
-    /// All of a region's edges; vertical ones bound no area below them.
-    fn of(region: &Parts) -> Self {
-        let edges = region.edges().iter().map(|edge| (edge.ends, f64::from(edge.sign)));
-        let mut segments = Vec::with_capacity(edges.len());
-        segments.extend(edges.filter(|(_, sign)| *sign != 0.0));
-        Self(segments)
-    }
-
-    /// Adds what of the edges of a region is the lower one with the edges of another region, as often as it is; with `ties` also
-    /// where both are the same.
-    fn add_below(&mut self, region: &Parts, other: &Parts, ties: bool) {
-        let room = ROUNDING * region.largest().max(other.largest());
-        let (mut steps, mut evaluated) = (Vec::new(), 0);
-        self.0.reserve(region.edges().len());
-        for edge in region.edges().iter().filter(|edge| edge.sign != 0) {
-            let mut below = Below::new(edge, ties, room, steps);
-            evaluated += other.visit(&mut below);
-            steps = below.steps;
-            self.add_steps(edge, &mut steps);
-        }
-        budget::charge(evaluated + EDGES_OF_SEGMENT * self.0.len());
-    }
-
-    /// Adds an edge as often as the sum of steps along it requires, and empties the steps.
-    fn add_steps(&mut self, edge: &Edge, steps: &mut Vec<(f64, i32)>) {
-        let ends = edge.ends;
-        steps.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-        let (mut count, mut begun) = (0_i32, 0.0);
-        for at_place in steps.chunk_by(|a, b| a.0 == b.0) {
-            let (x, step) = (at_place[0].0, at_place.iter().map(|(_, step)| step).sum::<i32>());
-            if step == 0 {
-                continue;
-            }
-            let segment = ([begun, x].map(|x| [x, y_at(&ends, x)]), f64::from(count.signum() * edge.sign));
-            self.0.extend((0..count.abs()).map(|_| segment));
-            (count, begun) = (count + step, x);
-        }
-        steps.clear();
-    }
-
-    /// The signed solid angle below all segments, clamped from 0 to 2 pi against rounding.
-    fn area(&self) -> f64 {
-        let (re, im) = vectorized(HalfAngles(&self.0));
-        let half = im.atan2(re);
-        2.0 * if half < -FRAC_PI_2 { half + TAU } else { half }
-    }
-}
-
-/// The y of an edge at an x from its left end to its right one.
-fn y_at([left, right]: &[Point; 2], x: f64) -> f64 {
-    if x == right[0] { right[1] } else { left[1] + (x - left[0]) / (right[0] - left[0]) * (right[1] - left[1]) }
-}
-
-/// An edge, and where others lie above it.
-struct Below {
-    edge: [Point; 2],
-    /// Whether edges that lie where it does count as above it.
-    ties: bool,
-    /// The y below and above which a part of a ring lies on one side of it for certain.
-    low: f64,
-    high: f64,
-    /// From the left end of the edge to its right one.
-    step: Point,
-    /// How far from its line a part lies on one side for certain, times at least its length.
-    far: f64,
-    /// Where the sum of the signs of the edges above changes, and by how much.
-    steps: Vec<(f64, i32)>,
-}
-
-impl Below {
-    fn new(edge: &Edge, ties: bool, room: f64, steps: Vec<(f64, i32)>) -> Self {
-        let [left, right] = edge.ends;
-        let step = [right[0] - left[0], right[1] - left[1]];
-        let (low, high) = (lesser(left[1], right[1]) - room, greater(left[1], right[1]) + room);
-        Self { edge: [left, right], ties, low, high, step, far: room * (step[0] + step[1].abs()), steps }
-    }
-
-    /// Adds a path from one x to another that lies above, as far as the edge goes.
-    fn add(&mut self, path: [f64; 2]) {
-        let [left, right] = [self.edge[0][0], self.edge[1][0]];
-        let (from, to) = (greater(lesser(path[0], path[1]), left), lesser(greater(path[0], path[1]), right));
-        if from < to {
-            self.steps.extend([(from, sign(path)), (to, -sign(path))]);
-        }
-    }
-
-    /// Whether a part may lie on either side of the edge; adds it where it is above.
-    fn lies_beside(&mut self, part: &Part) -> bool {
-        let mut is_above = part.low[1] > self.high;
-        if !is_above {
-            let [least, most] = self.sides(part);
-            if most < -self.far {
-                return false;
-            }
-            is_above = least > self.far;
-        }
-        if is_above {
-            part.paths.into_iter().for_each(|path| self.add(path));
-        }
-        !is_above
-    }
-
-    /// Adds what of another edge lies above between two x.
-    fn compare(&mut self, other: &Edge, from: f64, to: f64) {
-        let gap = |x: f64| y_at(&other.ends, x) - y_at(&self.edge, x);
-        let (begin, end) = (gap(from), gap(to));
-        // The other edge finds the same gaps, negative ones, and the same place between.
-        let cross = || from + (to - from) * (begin / (begin - end));
-        let path = match (begin > 0.0, end > 0.0) {
-            _ if begin >= 0.0 && end >= 0.0 && (self.ties || begin > 0.0 || end > 0.0) => [from, to],
-            (true, _) => [from, cross()],
-            (_, true) => [cross(), to],
-            _ => return,
-        };
-        self.add(if other.sign > 0 { [path[1], path[0]] } else { path });
-    }
-
-    /// How far the corners of a part lie from the edge's line at least and at most, above it being positive, times its length.
-    fn sides(&self, part: &Part) -> [f64; 2] {
-        let [left, _] = self.edge;
-        let side = |point: Point| self.step[0] * (point[1] - left[1]) - self.step[1] * (point[0] - left[0]);
-        let [a, b, c, d] = part.corners.map(side);
-        [lesser(lesser(a, b), lesser(c, d)), greater(greater(a, b), greater(c, d))]
-    }
-}
-
-impl Visitor for Below {
-    #[inline(always)]
-    fn enters(&mut self, part: &Part) -> bool {
-        let [left, right] = self.edge;
-        part.low[0] < right[0] && part.high[0] > left[0] && part.high[1] >= self.low && self.lies_beside(part)
-    }
-
-    #[inline(always)]
-    fn meets(&mut self, other: &Edge) {
-        let [left, right] = other.ends;
-        let (from, to) = (greater(left[0], self.edge[0][0]), lesser(right[0], self.edge[1][0]));
-        // The comparison fails for vertical edges, too.
-        if from < to {
-            self.compare(other, from, to);
-        }
-    }
-}
-
-/// The product of complex numbers whose arguments are half the solid angles below segments (`docs/math.md`, eq. 8.6).
-struct HalfAngles<'a>(&'a [([Point; 2], f64)]);
+/// The product of complex numbers whose arguments are half the solid angles below edges, given from left to right and with the sign
+/// of each (`docs/math.md`, eq. 8.6).
+struct HalfAngles<'a>(&'a [([Vector2<f64>; 2], f64)]);
 
 impl NullaryFnOnce for HalfAngles<'_> {
     type Output = (f64, f64);
@@ -251,10 +102,10 @@ impl NullaryFnOnce for HalfAngles<'_> {
     #[inline(always)]
     fn call(self) -> (f64, f64) {
         let (mut re, mut im) = (Lanes::splat(1.0), Lanes::ZERO);
-        for segments in self.0.chunks(LANES) {
-            // A lane without a segment has one without any length.
+        for edges in self.0.chunks(LANES) {
+            // A lane without an edge has one without any length.
             let (mut signs, mut left, mut right) = (Lanes::ZERO, [Lanes::ZERO; 2], [Lanes::ZERO; 2]);
-            for (lane, ([from, to], sign)) in segments.iter().enumerate() {
+            for (lane, ([from, to], sign)) in edges.iter().enumerate() {
                 signs.0[lane] = *sign;
                 for axis in 0..2 {
                     (left[axis].0[lane], right[axis].0[lane]) = (from[axis], to[axis]);
