@@ -1,4 +1,4 @@
-"""From the places that photos and clouds leave to an estimate: confidence, covariance, alternatives and warnings
+"""From clusters of hypotheses to an estimate: confidence, covariance, alternatives and warnings
 (docs/math.md, section 18).
 """
 
@@ -13,7 +13,7 @@ from scipy.special import chdtri, expit
 
 from regionpose import _core
 from regionpose.alignment.edge_frame import EdgeFrame
-from regionpose.alignment.hypotheses import Place, confidences_of, solutions_of
+from regionpose.alignment.hypotheses import Cluster, confidences_of, solutions_of
 from regionpose.alignment.odds import DECISIVE
 from regionpose.alignment.region_evidence import RegionEvidence
 from regionpose.solve.edge_diagnostics import Alignment, FocalEvidence, Occlusion
@@ -25,11 +25,11 @@ from regionpose.solve.warning_code import WarningCode
 Array = NDArray[np.float64]
 
 AMBIGUOUS_PROBABILITY = 0.02
-"""Probability of another place from which on a pose is ambiguous: a convention, less than the 3 % that a trusted pose
+"""Probability of another cluster from which on a pose is ambiguous: a convention, less than the 3 % that a trusted pose
 may lack."""
 
 LISTED_PROBABILITY = 1e-3
-"""Least probability of a place by edges alone that is listed beside solutions of regions: a convention."""
+"""Least probability of a cluster by edges alone that is listed beside solutions of regions: a convention."""
 
 OF_AMBIGUITY = {WarningCode.AMBIGUOUS_POSE, WarningCode.AMBIGUOUS_REGION}
 """Warnings that other poses fit about as well."""
@@ -43,18 +43,18 @@ MOST_SIGMAS = float(np.sqrt(chdtri(6.0, 0.0027)))
 
 @dataclass(frozen=True, eq=False)
 class Assessment:
-    """The hypotheses after edges were compared: `places`, the likeliest first, `none`, the weight of none of them, and
-    the evidence of focal lengths.
+    """The hypotheses after edges were compared: `clusters`, the likeliest first, `none`, the weight of none of them,
+    and the evidence of focal lengths.
     """
 
     frames: Sequence[EdgeFrame]
-    places: Sequence[Place]
+    clusters: Sequence[Cluster]
     none: float
     focal: FocalEvidence | None
     solver: Solver
 
     def by_edges(self) -> PoseEstimate:
-        """The estimate of the likeliest place without regions."""
+        """The estimate of the likeliest cluster without regions."""
         shift = self._focal_shift(np.zeros(6))
         covariance, probabilities = self._covariance(shift, self._pixel_angle), self._probabilities
         diagnostics = Diagnostics(
@@ -67,20 +67,20 @@ class Assessment:
             converged=True,
             termination="a maximum of the posterior",
             evaluations=0,
-            distance_m=float(np.median([frame.distance_m(self.places[0].best.pose) for frame in self.frames])),
+            distance_m=float(np.median([frame.distance_m(self.clusters[0].best.pose) for frame in self.frames])),
             focal_shift=shift,
             pixel_angle_rad=self._pixel_angle,
         )
         confidence = float(probabilities[0]) * _core.rotation_confidence(covariance)
-        estimate = PoseEstimate(self.places[0].best.pose, covariance, confidence, (), diagnostics)
+        estimate = PoseEstimate(self.clusters[0].best.pose, covariance, confidence, (), diagnostics)
         warnings = [*self._of_focal, *_ambiguity(estimate, None), *_weakness(estimate, self.solver)]
         return replace(estimate, warnings=(*warnings, *_doubt(estimate, warnings)))
 
     def with_regions(self, regions: RegionEvidence, solutions: PoseEstimate) -> PoseEstimate:
-        """The estimate of the likeliest place; `regions`: with the solution first that is there, if any is;
-        `solutions`: those by which places are numbered.
+        """The estimate of the likeliest cluster; `regions`: with the solution first that is there, if any is;
+        `solutions`: those by which clusters are numbered.
         """
-        best, probabilities, base = self.places[0].best, self._probabilities, regions.estimate
+        best, probabilities, base = self.clusters[0].best, self._probabilities, regions.estimate
         shift = self._focal_shift(base.diagnostics.focal_shift)
         covariance = self._covariance(shift, base.diagnostics.pixel_angle_rad)
         reevaluated = regions.estimate_at(best.pose, covariance, self.solver)
@@ -100,9 +100,9 @@ class Assessment:
 
     @property
     def _probabilities(self) -> Array:
-        """Probabilities (n,) of the places, with the given focal lengths."""
+        """Probabilities (n,) of the clusters, with the given focal lengths."""
         given = 1.0 if self.focal is None else float(expit(self.focal.log_odds))
-        return confidences_of(self.places, self.none) * given
+        return confidences_of(self.clusters, self.none) * given
 
     @property
     def _pixel_angle(self) -> float:
@@ -121,30 +121,30 @@ class Assessment:
         return default if self.focal is None else 100.0 * self.focal.shift
 
     def _covariance(self, focal_shift: Array, pixel_angle_rad: float) -> Array:
-        """The covariance (6, 6) of the likeliest place."""
+        """The covariance (6, 6) of the likeliest cluster."""
         sigma = np.repeat([np.radians(self.solver.frame_sigma_deg), self.solver.frame_sigma_m], 3)
         exposure = np.diag(np.square(sigma)) / len(self.frames)
         exposure += self.solver.calibration_covariance(focal_shift, pixel_angle_rad)
-        return self.places[0].covariance(exposure)
+        return self.clusters[0].covariance(exposure)
 
     def _alternatives(self, regions: PoseEstimate | None) -> tuple[Alternative, ...]:
-        """The other places, likeliest first; with the regions' fit of those that are solutions of theirs."""
+        """The other clusters, likeliest first; with the regions' fit of those that are solutions of theirs."""
         solutions = [] if regions is None else solutions_of(regions)
         found = []
-        for place, probability in zip(self.places[1:], self._probabilities[1:].tolist(), strict=True):
-            solution = None if place.solution is None else solutions[place.solution]
+        for cluster, probability in zip(self.clusters[1:], self._probabilities[1:].tolist(), strict=True):
+            solution = None if cluster.solution is None else solutions[cluster.solution]
             if regions is not None and solution is None and probability < LISTED_PROBABILITY:
                 continue
             fit = solution.diagnostics if isinstance(solution, PoseEstimate) else solution
             errors = np.empty(0) if fit is None else fit.region_overlap_errors
             whole = np.nan if fit is None else fit.overlap_error
-            covariance = place.covariance(np.zeros((6, 6)))
-            found.append(Alternative(place.best.pose, covariance, probability, probability, whole, errors))
+            covariance = cluster.covariance(np.zeros((6, 6)))
+            found.append(Alternative(cluster.best.pose, covariance, probability, probability, whole, errors))
         return tuple(found)
 
     def _contradiction(self, regions: PoseEstimate) -> list[PoseWarning]:
         """A warning where the pose by edges is an outlier of the regions' covariance: one of them is wrong."""
-        pose, covariance = self.places[0].best.pose, regions.covariance
+        pose, covariance = self.clusters[0].best.pose, regions.covariance
         increment = regions.pose.local_coordinates(pose)
         if not np.isfinite(covariance).all():
             return []
@@ -159,15 +159,15 @@ class Assessment:
         """A warning where edges are in view at the pose of regions and lie on those of the photo no better than by
         chance, which costs it its trust.
         """
-        agreeing = [each.log_weight for each in self.places[0].hypotheses if each.mode is not None]
-        if not (agreeing and self.places[0].best.mode is None and confidence < _core.TRUSTED <= regions.confidence):
+        agreeing = [each.log_weight for each in self.clusters[0].hypotheses if each.mode is not None]
+        if not (agreeing and self.clusters[0].best.mode is None and confidence < _core.TRUSTED <= regions.confidence):
             return []
         values = {"confidence_before": regions.confidence, "confidence": confidence}
         return [PoseWarning(WarningCode.EDGE_MISMATCH, values=values)]
 
 
 def hidden_regions(alignments: Sequence[Alignment], starts: Sequence[int]) -> Iterator[PoseWarning]:
-    """A warning for each region that a pose hides; `starts`: the place of each frame's first region among all."""
+    """A warning for each region that a pose hides; `starts`: the index of each frame's first region among all."""
     for alignment, first in zip(alignments, starts, strict=True):
         for number, occlusion in enumerate(alignment.occlusions):
             if occlusion.is_hidden:
@@ -184,8 +184,8 @@ def _hidden_region(region: int, occlusion: Occlusion) -> PoseWarning:
 
 
 def _ambiguity(estimate: PoseEstimate, regions: PoseEstimate | None) -> list[PoseWarning]:
-    """That other places are about as likely; the regions' warning of that where there is one, which names the region at
-    fault.
+    """That other clusters are about as likely; the regions' warning of that where there is one, which names the region
+    at fault.
     """
     others = [other for other in estimate.diagnostics.alternatives if other.mode_probability > AMBIGUOUS_PROBABILITY]
     if not others:

@@ -15,7 +15,7 @@ from regionpose.alignment.assessment import Assessment, hidden_regions
 from regionpose.alignment.edge_frame import EdgeFrame
 from regionpose.alignment.explanations import explained_by_edges, explained_with_regions, without_calibration
 from regionpose.alignment.focal import ByFocal, focal_evidence
-from regionpose.alignment.hypotheses import is_same, places_of, solutions_of
+from regionpose.alignment.hypotheses import clusters_of, is_same, solutions_of
 from regionpose.alignment.photo_cloud import PhotoCloud
 from regionpose.alignment.region_evidence import RegionEvidence
 from regionpose.alignment.visibility import occlusions
@@ -114,16 +114,16 @@ def calibrate_with(
         explained = explained_with_regions(edges, known, by_regions, hidden, solver, search)
     if not explained.hypotheses:
         raise PoseError(_nothing_shown(edges))
-    places = places_of(explained.hypotheses)
-    best = places[0].best
-    if regions is not None and places[0].solution:
+    clusters = clusters_of(explained.hypotheses)
+    best = clusters[0].best
+    if regions is not None and clusters[0].solution:
         regions = regions.first_at(best.pose)
     by_focal = ByFocal.of(
         edges, best, known, None if regions is None else without_calibration(regions.estimate, solver)
     )
     focal = None if by_focal is None else focal_evidence(by_focal, best, part(progress, SEARCHED, FOCAL_TRIED))
     report(FOCAL_TRIED)
-    assessment = Assessment(edges, places, explained.none, focal, solver)
+    assessment = Assessment(edges, clusters, explained.none, focal, solver)
     if regions is None or by_regions is None:
         estimate = assessment.by_edges()
     else:
@@ -134,8 +134,8 @@ def calibrate_with(
     found = EdgeDiagnostics(
         prior=known,
         assumed=assumed,
-        log_odds=explained.log_odds(places[0]),
-        log_odds_over_next=float(places[0].log_weight - places[1].log_weight) if len(places) > 1 else np.inf,
+        log_odds=explained.log_odds(clusters[0]),
+        log_odds_over_next=float(clusters[0].log_weight - clusters[1].log_weight) if len(clusters) > 1 else np.inf,
         count=sum(len(alignment.places) for alignment in alignments),
         modes=explained.modes,
         alignments=alignments,

@@ -1,5 +1,5 @@
-"""What explains photos and clouds: solutions of regions, edges about these, and edges alone (docs/math.md, section
-18).
+"""Hypotheses that explain photos and clouds: solutions of regions, edges about these, and edges alone (docs/math.md,
+section 18).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.special import expit
 
 from regionpose.alignment.edge_frame import EdgeFrame
-from regionpose.alignment.hypotheses import Hypothesis, Place, log_sum, priors_of, solutions_of
+from regionpose.alignment.hypotheses import Cluster, Hypothesis, log_sum, priors_of, solutions_of
 from regionpose.alignment.odds import CHANCE_PRIOR, UNINFORMATIVE_PRIOR
 from regionpose.alignment.pose_search import Density, search_about, search_prior
 from regionpose.progress import Progress, part, with_progress
@@ -41,10 +41,10 @@ class Explanations:
     none: float
     modes: tuple[EdgeMode, ...]
 
-    def log_odds(self, place: Place) -> float:
-        """Logarithm of the odds that edges agree at a place rather than by chance; 0 where none are in view."""
-        uninformative = [each for each in place.hypotheses if each.mode is None]
-        agreeing = [each for each in place.hypotheses if each.mode is not None]
+    def log_odds(self, cluster: Cluster) -> float:
+        """Logarithm of the odds that edges agree in a cluster rather than by chance; 0 where none are in view."""
+        uninformative = [each for each in cluster.hypotheses if each.mode is None]
+        agreeing = [each for each in cluster.hypotheses if each.mode is not None]
         if not agreeing:
             return 0.0
         if not uninformative:

@@ -1,4 +1,4 @@
-"""Where the camera may be, by regions, by edges and by both, and how likely each place is (docs/math.md, section
+"""Hypotheses of the pose by regions, by edges and by both, their clusters and probabilities (docs/math.md, section
 18).
 """
 
@@ -19,8 +19,8 @@ from regionpose.solve.estimate import Alternative, PoseEstimate
 Array = NDArray[np.float64]
 
 SAME_DEG, SAME_M = 5.0, 1.0
-"""Poses within so much of one another are one place: the confidence is that of the rotation within 5 degrees, and what
-moves the camera by a meter moves what it shows at 10 m by as much."""
+"""Poses within so much of one another are one cluster: the confidence is that of the rotation within 5 degrees, and
+what moves the camera by a meter moves what it shows at 10 m by as much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +40,8 @@ class Hypothesis:
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
-    """Hypotheses that are one place, the likeliest first."""
+class Cluster:
+    """Hypotheses whose poses nearly agree, the likeliest first."""
 
     hypotheses: tuple[Hypothesis, ...]
 
@@ -80,20 +80,20 @@ def log_sum(hypotheses: Sequence[Hypothesis]) -> float:
     return float(np.logaddexp.reduce([each.log_weight for each in hypotheses])) if hypotheses else -np.inf
 
 
-def places_of(hypotheses: Sequence[Hypothesis]) -> list[Place]:
-    """Hypotheses by the places that they belong to, the likeliest place first."""
-    places: list[list[Hypothesis]] = []
+def clusters_of(hypotheses: Sequence[Hypothesis]) -> list[Cluster]:
+    """Hypotheses grouped about likelier ones, the likeliest cluster first."""
+    clusters: list[list[Hypothesis]] = []
     for each in sorted(hypotheses, key=lambda each: each.log_weight, reverse=True):
-        own = next((place for place in places if is_same(place[0].pose, each.pose)), None)
+        own = next((cluster for cluster in clusters if is_same(cluster[0].pose, each.pose)), None)
         if own is None:
-            places.append([each])
+            clusters.append([each])
         else:
             own.append(each)
-    return sorted((Place(tuple(place)) for place in places), key=lambda place: place.log_weight, reverse=True)
+    return sorted((Cluster(tuple(own)) for own in clusters), key=lambda cluster: cluster.log_weight, reverse=True)
 
 
 def is_same(pose: Pose, other: Pose) -> bool:
-    """Whether two poses are one place."""
+    """Whether two poses belong to one cluster."""
     turn = np.degrees((pose.rotation * other.rotation.inv()).magnitude())
     return bool(turn <= SAME_DEG and np.linalg.norm(pose.camera_center - other.camera_center) <= SAME_M)
 
@@ -104,7 +104,7 @@ def solutions_of(estimate: PoseEstimate) -> list[PoseEstimate | Alternative]:
 
 
 def priors_of(estimate: PoseEstimate, hidden: Sequence[bool]) -> Array:
-    """Probabilities (n,) of the solutions of an estimate before edges are compared: that each is the right place, of
+    """Probabilities (n,) of the solutions of an estimate before edges are compared: that each is right, of
     which some hide a region; what they leave of 1 is that none is.
     """
     others = [other.mode_probability for other in estimate.diagnostics.alternatives]
@@ -119,9 +119,9 @@ def priors_of(estimate: PoseEstimate, hidden: Sequence[bool]) -> Array:
     return np.asarray(probabilities * min(1.0, (1.0 - SHARED_ERROR_PRIOR) / max(float(probabilities.sum()), 1e-12)))
 
 
-def confidences_of(places: Sequence[Place], none: float) -> Array:
-    """Probabilities (n,) that places are right, of one another and of none of them, whose weight is `none`."""
-    weights = np.array([place.log_weight for place in places])
+def confidences_of(clusters: Sequence[Cluster], none: float) -> Array:
+    """Probabilities (n,) that clusters are right, of one another and of none of them, whose weight is `none`."""
+    weights = np.array([cluster.log_weight for cluster in clusters])
     rest = np.log(max(none, 1e-300))
     return np.asarray(np.exp(weights - np.logaddexp(np.logaddexp.reduce(weights), rest)))
 

@@ -1,4 +1,4 @@
-"""Explanations of photos and clouds: what they weigh, which are one place, and what follows for a pose."""
+"""Explanations of photos and clouds: what they weigh, which are one cluster, and what follows for a pose."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from card_scenes import CAMERA, PLACES, POSE, SHAPE, turned
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from regionpose.alignment.hypotheses import Hypothesis, confidences_of, places_of, priors_of
+from regionpose.alignment.hypotheses import Hypothesis, clusters_of, confidences_of, priors_of
 from regionpose.alignment.odds import SHARED_ERROR_PRIOR
 from regionpose.solve.edge_diagnostics import EdgeMode
 from regionpose.solve.estimate import Alternative
@@ -69,9 +69,9 @@ def hypothesis_at(degrees: float, log_weight: float, *, by_edges: bool = False) 
     return Hypothesis(pose, TIGHT, log_weight, None if by_edges else 0, mode)
 
 
-def test_places_are_five_degrees_wide_and_add_up() -> None:
+def test_clusters_are_five_degrees_wide_and_add_up() -> None:
     given_ones = [hypothesis_at(0.0, 0.0), hypothesis_at(40.0, 1.0), hypothesis_at(3.0, 2.0), hypothesis_at(-1.0, 0.5)]
-    first, second = places_of(given_ones)
+    first, second = clusters_of(given_ones)
     assert first.best is given_ones[2] and len(first.hypotheses) == 3 and second.best is given_ones[1]
     assert first.log_weight == pytest.approx(np.log(np.exp([0.0, 2.0, 0.5]).sum()))
     shares = confidences_of([first, second], 3.0)
@@ -84,10 +84,10 @@ def test_a_pose_passes_from_one_explanation_to_another_without_a_jump() -> None:
     exposure = np.diag([1e-6] * 6)
     silent = hypothesis_at(0.0, 0.0)
     for log_weight, share in ((-40.0, 0.0), (0.0, 0.5), (40.0, 1.0)):
-        (place,) = places_of([silent, hypothesis_at(1.0, log_weight - 1e-9, by_edges=True)])
+        (cluster,) = clusters_of([silent, hypothesis_at(1.0, log_weight - 1e-9, by_edges=True)])
         way = np.radians(1.0) if log_weight <= 0.0 else -np.radians(1.0)
         apart = share if log_weight <= 0.0 else 1.0 - share
-        covariance = place.covariance(exposure)
+        covariance = cluster.covariance(exposure)
         expected = TIGHT + share * exposure
         expected[1, 1] += apart * way**2
         np.testing.assert_allclose(np.diag(covariance)[:3], np.diag(expected)[:3], rtol=1e-6, atol=1e-12)
