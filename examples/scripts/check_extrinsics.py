@@ -4,7 +4,7 @@ import regionpose as rp
 
 demo = rp.datasets.load_demo()
 pose = rp.Pose.from_parts(demo.rotation, demo.translation)
-frame = rp.Frame(image=demo.image, points=demo.points)
-for name, given in (("given", pose), ("2 degrees off", pose.retract([0.035, 0, 0, 0, 0, 0]))):
+frame = rp.Frame(image=demo.image, points=demo.points, intensity=demo.intensities)
+for name, given in (("given", pose), ("10 degrees off", pose.retract([0.175, 0, 0, 0, 0, 0]))):
     alignment = rp.check_alignment(demo.camera, frame, given)
     print(name, f"log odds {alignment.log_odds:.1f}")
