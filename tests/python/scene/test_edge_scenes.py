@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ from regionpose.io.yaml_text import to_yaml
 from regionpose.progress import UnwantedError, while_wanted
 from regionpose.scene.bundle import bundle, file_names
 from regionpose.scene.document import SceneError
-from regionpose.scene.estimate import estimate_scene
+from regionpose.scene.estimate import SceneEstimate, estimate_scene
 from regionpose.scene.exposure import SceneData
 from regionpose.scene.folder import FolderOptions, pair_scene
 from regionpose.scene.headline import headline
@@ -31,7 +31,7 @@ from regionpose.scene.result import scene_result
 from regionpose.scene.stages import Stages
 from scene_files import PLATES
 from scene_files import write_scene as write_plates
-from small_searches import draw_fewer, two_worlds
+from small_searches import draw_fewer, skip_planes, two_worlds
 
 pytestmark = pytest.mark.slow
 
@@ -58,10 +58,33 @@ def worlds() -> list[World]:
     return two_worlds()
 
 
-@pytest.fixture(autouse=True)
-def few(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module", autouse=True)
+def few() -> Iterator[None]:
     """Far fewer poses are looked at than a search needs."""
-    draw_fewer(monkeypatch)
+    with pytest.MonkeyPatch.context() as patched:
+        draw_fewer(patched)
+        yield
+
+
+@pytest.fixture
+def no_planes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No planes are confirmed at the pose."""
+    skip_planes(monkeypatch)
+
+
+class Solved(NamedTuple):
+    """A scene without regions, estimated, and its stages."""
+
+    run: SceneEstimate
+    stages: Stages
+
+
+@pytest.fixture(scope="module")
+def solved(worlds: list[World], tmp_path_factory: pytest.TempPathFactory) -> Solved:
+    """The scene of the pair 0001, estimated once for all tests that look at it."""
+    folder, stages = tmp_path_factory.mktemp("solved"), Stages()
+    write_pair(folder, worlds[0], "0001")
+    return Solved(estimate_scene(load_scene(write_scene(folder)), stages), stages)
 
 
 def write_pair(folder: Path, world: World, name: str, shift: Any = (0.0, 0.0, 0.0)) -> None:
@@ -111,9 +134,8 @@ def assert_right(matrix: Any, truth: rp.Pose) -> None:
     assert np.linalg.norm(pose.camera_center - truth.camera_center) < 0.15
 
 
-def test_a_scene_without_regions_gives_the_pose(pair: Path, worlds: list[World]) -> None:
-    stages = Stages()
-    scene = estimate_scene(load_scene(write_scene(pair)), stages)
+def test_a_scene_without_regions_gives_the_pose(solved: Solved, worlds: list[World]) -> None:
+    scene, stages = solved
     assert_right(scene.estimate.pose.matrix, worlds[0].pose)
     edges = edges_of(scene.estimate)
     assert edges.assumed == () and scene.names == ()
@@ -136,14 +158,14 @@ def test_a_scene_without_regions_gives_the_pose(pair: Path, worlds: list[World])
     assert np.allclose(prior["initial_camera_from_world"]["matrix"], pose_of(45.0).matrix)
 
 
-def test_the_verdict_speaks_of_edges(pair: Path) -> None:
-    run_ = estimate_scene(load_scene(write_scene(pair)))
+def test_the_verdict_speaks_of_edges(solved: Solved) -> None:
+    run_ = solved.run
     assert run_.estimate.status in {"trusted", "check"}
     assert re.match(r"The edges of the cloud lie on those of the photo at this pose, by odds of e\^\d+", headline(run_))
     assert "regions" not in headline(run_)
 
 
-def test_the_verdict_of_a_wrong_photo_is_doubtful(pair: Path, worlds: list[World]) -> None:
+def test_the_verdict_of_a_wrong_photo_is_doubtful(no_planes: None, pair: Path, worlds: list[World]) -> None:
     Image.fromarray(worlds[1].photo[:, ::-1]).save(pair / "0001.png")
     estimate = estimate_scene(load_scene(write_scene(pair))).estimate
     assert estimate.status == rp.PoseStatus.DOUBTFUL and estimate.warnings
@@ -174,8 +196,8 @@ def test_all_files_of_a_scene_without_regions_are_written(pair: Path) -> None:
     assert json.loads((out / "result.json").read_text(encoding="utf-8"))["status"] in {"check", "doubtful"}
 
 
-def test_confirmed_planes_are_regions_of_a_scene_file(pair: Path) -> None:
-    run_ = estimate_scene(load_scene(write_scene(pair)))
+def test_confirmed_planes_are_regions_of_a_scene_file(solved: Solved, pair: Path) -> None:
+    run_ = solved.run
     assert run_.names == () and run_.regions_found is not None
     files = bundle(run_, Stages(), folder=pair)
     for name in ("planes.png", "regions.png", "regions.npy"):
@@ -206,8 +228,8 @@ def drawn(run_: Any) -> list[dict[str, Any]]:
     return [{"name": f"face {number}", "image": one["image"]} for number, one in enumerate(held, start=1)]
 
 
-def test_planes_are_matched_at_the_pose_by_edges(pair: Path) -> None:
-    given = estimate_scene(load_scene(write_scene(pair)))
+def test_planes_are_matched_at_the_pose_by_edges(solved: Solved, pair: Path) -> None:
+    given = solved.run
     assert given.regions_found is not None
     known = {"sensor_origin": [0.0, 0.0, 0.0], "image_regions": drawn(given), "world_regions": "planes"}
     run_ = estimate_scene(load_scene(write_scene(pair, **known)))
@@ -226,9 +248,9 @@ def test_planes_are_matched_at_the_pose_by_edges(pair: Path) -> None:
 
 
 def test_planes_are_not_matched_by_edges_that_tell_no_pose(
-    pair: Path, worlds: list[World], monkeypatch: pytest.MonkeyPatch
+    solved: Solved, pair: Path, worlds: list[World], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    given = estimate_scene(load_scene(write_scene(pair)))
+    given = solved.run
     Image.fromarray(worlds[1].photo[:, ::-1]).save(pair / "0001.png")
     asked: list[int] = []
 
@@ -244,8 +266,8 @@ def test_planes_are_not_matched_by_edges_that_tell_no_pose(
     assert asked == [0]
 
 
-def test_confirmed_planes_do_not_change_the_verdict(pair: Path) -> None:
-    run_ = estimate_scene(load_scene(write_scene(pair)))
+def test_confirmed_planes_do_not_change_the_verdict(solved: Solved) -> None:
+    run_ = solved.run
     assert headline(run_) == headline(replace(run_, regions_found=None))
 
 
@@ -254,7 +276,7 @@ def test_scenes_with_regions_confirm_no_planes(tmp_path: Path) -> None:
     assert run_.regions_found is None and scene_result(run_)["diagnostics"]["confirmed_regions"] is None
 
 
-def test_what_was_assumed_is_in_the_result(pair: Path) -> None:
+def test_what_was_assumed_is_in_the_result(no_planes: None, pair: Path) -> None:
     result = scene_result(estimate_scene(load_scene(write_scene(pair, prior=None))))
     assert result["diagnostics"]["edges"]["assumed"] == ["camera_near", "camera_near_sigma_m"]
     assert result["diagnostics"]["edges"]["prior"]["camera_near_m"] == [0.0, 0.0, 0.0]
@@ -273,7 +295,7 @@ def test_what_was_assumed_is_in_the_result(pair: Path) -> None:
     )
 
 
-def test_a_scene_of_a_map_s_grid_gives_its_pose_there(worlds: list[World], tmp_path: Path) -> None:
+def test_a_scene_of_a_map_s_grid_gives_its_pose_there(no_planes: None, worlds: list[World], tmp_path: Path) -> None:
     write_pair(tmp_path, worlds[0], "0001", FAR)
     prior = {
         "up": [0.0, 0.0, 1.0],
@@ -291,7 +313,7 @@ def test_a_scene_of_a_map_s_grid_gives_its_pose_there(worlds: list[World], tmp_p
         assert np.linalg.norm(other.pose.camera_center - FAR) < 5.0
 
 
-def test_frames_share_a_pose(drive: Path, worlds: list[World]) -> None:
+def test_frames_share_a_pose(no_planes: None, drive: Path, worlds: list[World]) -> None:
     frames = [{"name": name, "image": f"{name}.png", "cloud": f"{name}.ply"} for name in ("0001", "0002")]
     scene, stages = load_scene(write_scene(drive, frames=frames)), Stages()
     run_ = estimate_scene(scene, stages)
@@ -303,8 +325,10 @@ def test_frames_share_a_pose(drive: Path, worlds: list[World]) -> None:
         assert frame["leave_one_out"] is None and frame["overlap_error"] is None
         assert frame["alignment"]["edges"] > 100
     assert "edges of 2 clouds lie on those of their photos" in files.result["headline"]
-    written = {name for name in files.writers if not name.startswith("runner_up")}
-    assert written == {name for name in file_names(scene) if not name.startswith("runner_up")}
+    # Not in all results: a runner-up, confirmed planes.
+    kinds = ("runner_up", "planes", "regions")
+    written = {name for name in files.writers if not name.startswith(kinds)}
+    assert written == {name for name in file_names(scene) if not name.startswith(kinds)}
     assert {"depth_1.png", "depth_2.png", "edges_2.png", "cloud_2.ply"} <= written
     files.writers["report.html"](drive / "report.html")
     assert "<h2>Frames</h2>" not in (drive / "report.html").read_text(encoding="utf-8")
@@ -382,7 +406,9 @@ def written_scene(folder: Path) -> dict[str, Any]:
     return value
 
 
-def test_a_photo_and_a_cloud_in_either_order_give_one_result(pair: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_photo_and_a_cloud_in_either_order_give_one_result(
+    no_planes: None, pair: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     words: list[str | Path] = ["--camera", pair / "cameras.txt", "--up", "z", "--json", "--quiet"]
     results = []
     # Of another name, in a folder of its own.
@@ -418,14 +444,16 @@ def test_a_folder_without_regions_is_calibrated(drive: Path, capsys: pytest.Capt
     assert all(not {"regions", "image_regions", "world_regions"} & one.keys() for one in held["frames"])
 
 
-def test_what_was_searched_by_a_mount_alone_is_said(pair: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_was_searched_by_a_mount_alone_is_said(
+    no_planes: None, pair: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     words = ("--camera", pair / "cameras.txt", "--mount", "front")
     told = said(run(capsys, "calibrate", pair / "0001.png", pair / "0001.ply", *words))
     assert "searched: within 0.5 m (1 sigma) of [0.00, 0.00, 0.00] m" in told
     assert "rotations within 20 deg (1 sigma) of the initial one" in told
 
 
-def test_what_was_assumed_is_said(pair: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_was_assumed_is_said(no_planes: None, pair: Path, capsys: pytest.CaptureFixture[str]) -> None:
     told = said(run(capsys, "calibrate", pair / "0001.png", pair / "0001.ply", "--camera", pair / "cameras.txt"))
     assert "searched: within 0.5 m (1 sigma) of [0.00, 0.00, 0.00] m (assumed); every rotation" in told
 

@@ -15,7 +15,7 @@ from commands import run
 from made_up_worlds import CAMERA, World
 from numpy.typing import NDArray
 from regionpose.scene.loading import Scene, load_scene
-from small_searches import draw_fewer, two_worlds
+from small_searches import draw_fewer, skip_planes, two_worlds
 
 pytestmark = pytest.mark.slow
 
@@ -38,6 +38,7 @@ def worlds() -> list[World]:
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fewer poses are looked at than a search of all needs."""
     draw_fewer(monkeypatch, 6_000, (200, 40, 8))
+    skip_planes(monkeypatch)
 
 
 def scan_of(world: World) -> NDArray[np.void]:
@@ -49,10 +50,13 @@ def scan_of(world: World) -> NDArray[np.void]:
     return rows
 
 
-def recorded(worlds: list[World], kind: str = "mcap file") -> Bag:
-    """A rig that stands at one place, moves, and stands at another: at both ends it gives a pose, in between not."""
+def recorded(worlds: list[World], kind: str = "mcap file", stride: int = 40) -> Bag:
+    """A rig that stands at one place, moves, and stands at another: at both ends it gives a pose, in between not.
+
+    Clouds are of each `stride`-th point: all of them are needed for a pose alone.
+    """
     bag, rng = Bag(kind), np.random.default_rng(0)
-    scans = [scan_of(world) for world in worlds]
+    scans = [scan_of(world)[::stride] for world in worlds]
     bag.camera_info(BEGIN, INFO, SEEN, (320, 480))
     for number, at in enumerate(range(0, int(LAST_S * SECOND) + 1, STEP_NS)):
         place = int(at >= STANDS_S[1][0] * SECOND)
@@ -66,7 +70,7 @@ def recorded(worlds: list[World], kind: str = "mcap file") -> Bag:
 
 @pytest.fixture(scope="module")
 def bag(worlds: list[World], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return recorded(worlds).write(tmp_path_factory.mktemp("bag"))
+    return recorded(worlds, stride=1).write(tmp_path_factory.mktemp("bag"))
 
 
 def chosen_in(scene: Scene) -> list[tuple[float, float]]:

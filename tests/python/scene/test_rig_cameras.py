@@ -17,7 +17,7 @@ from regionpose.cli.console import Progress
 from regionpose.io.clouds import Cloud, write_ply
 from regionpose.io.yaml_text import to_yaml
 from regionpose.scene.loading import load_scene
-from small_searches import draw_fewer
+from small_searches import draw_fewer, skip_planes
 
 pytestmark = pytest.mark.slow
 
@@ -36,6 +36,7 @@ def worlds() -> dict[str, World]:
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fewer poses are looked at than a search of all needs."""
     draw_fewer(monkeypatch, 4_000, (120, 30, 6))
+    skip_planes(monkeypatch)
 
 
 @pytest.fixture

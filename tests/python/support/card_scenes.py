@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
@@ -19,12 +21,14 @@ PLACES = ([-1.6, -0.8, 5.5], [0.6, -0.2, 5.0])
 POSE = rp.Pose(Rotation.from_rotvec([0.1, -0.2, 0.3]), np.array([0.3, -0.1, 0.2]))
 
 
+@cache
 def cards(seed: int) -> tuple[NDArray[np.uint8], Array]:
     """A photo of cards before a wall, each of a shade of its own, and points of every third pixel, in the world."""
     rays, depth, shade, rng = _drawn(seed)
     return _photo(shade, rng), _points(rays, depth, rng)
 
 
+@cache
 def painted(seed: int) -> tuple[NDArray[np.uint8], Array, Array]:
     """The same photo of cards that are painted on the wall, points of it, and their intensity (n,): half the shade."""
     rays, depth, shade, rng = _drawn(seed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -47,8 +48,11 @@ def pose_of(heading_deg: float) -> rp.Pose:
     return rp.Pose(rotation, -rotation.apply([0.3, -0.2, -0.15]))
 
 
+@cache
 def made_world(seed: int, heading_deg: float = HEADING_DEG, scale: float = 1.0) -> World:
-    """The world of a seed, about a scanner in the middle of the same hall unless another scale is given."""
+    """The world of a seed, about a scanner in the middle of the same hall unless another scale is given; made once in a
+    process, its arrays read-only.
+    """
     rng = np.random.default_rng(seed)
     lows, highs, shades = _boxes(rng)
     lows, highs = scale * lows, scale * highs
@@ -67,7 +71,10 @@ def made_world(seed: int, heading_deg: float = HEADING_DEG, scale: float = 1.0) 
     seen = pose.rotation.inv().apply(CAMERA.bearings(np.column_stack([x.ravel(), y.ravel()])))
     _, brightness = _cast(pose.camera_center, seen, lows, highs, shades)
     levels = np.clip(brightness + rng.normal(0.0, 3.0, brightness.shape), 0.0, 255.0).astype(np.uint8)
-    return World(levels.reshape(320, 480), points, 0.3 * shade + rng.normal(0.0, 1.0, shade.shape), pose)
+    world = World(levels.reshape(320, 480), points, 0.3 * shade + rng.normal(0.0, 1.0, shade.shape), pose)
+    for array in (world.photo, world.points, world.intensity):
+        array.setflags(write=False)
+    return world
 
 
 def _boxes(rng: np.random.Generator) -> tuple[Array, Array, Array]:
