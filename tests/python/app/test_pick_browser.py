@@ -3,62 +3,63 @@
 from __future__ import annotations
 
 import json
-import os
-import re
-import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from commands import run
 from made_up_worlds import made_world
+from pick_pages import (
+    BOARD,
+    CHALKBOARD,
+    DOOR,
+    QUICK_DRAWS,
+    SIZE,
+    WEBGL,
+    Hand,
+    SharedDemo,
+    needs_chromium,
+    opened,
+    polygon,
+    saved_region,
+    shared_demo,
+    started,
+)
 from PIL import Image
+from regionpose import Pose
 from regionpose.app.guard import MOST_BYTES
-from regionpose.app.range_view import RangeView
 from regionpose.datasets.demo import demo_folder
 from regionpose.io.clouds import Cloud, read_cloud, write_ply
-from regionpose.io.yaml_text import plain_value, yaml_node
 from regionpose.scene.bundle import read_truth, truth_errors
+from small_searches import draw_fewer, skip_planes
 
-playwright = pytest.importorskip("playwright.sync_api", reason="needs the package playwright")
 pytest.importorskip("nicegui", reason="needs the extra pick")
 httpx = pytest.importorskip("httpx", reason="needs the package httpx")
 
-CHROMIUM = next(
-    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
-)
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="needs the browser chromium")]
+pytestmark = [pytest.mark.slow, needs_chromium]
 
-SIZE = (1280, 960)
-WAIT_MS = 120_000
-DOOR = ((463, 498), (4.629, 5.132, 0.972))
-BOARD = ((159, 501), (2.676, 6.081, 0.842))
-CHALKBOARD = ((850, 769), (4.190, 2.048, -0.997))
 MOST_CLICKS = 10
 
-SHOTS = os.environ.get("REGIONPOSE_SHOTS")
-"""A folder for pictures of the page at each step, where somebody wants to look at them."""
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SharedDemo]:
+    """One server and one browser."""
+    with shared_demo(tmp_path_factory.mktemp("demo")) as shared:
+        yield shared
+
+
+@pytest.fixture
+def browser(demo: SharedDemo) -> Any:
+    """The browser of all tests."""
+    return demo.browser
 
 
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[str]:
-    """The address of a page on the demo's photo and cloud that saves to `tmp_path`."""
+    """The address of a page on the demo's photo and cloud that saves to `tmp_path`, of a server of its own."""
     yield from started(["--demo"], tmp_path)
-
-
-def started(words: list[str], place: Path) -> Iterator[str]:
-    """The address of a page of `regionpose pick` with these words, started in a folder."""
-    command = [sys.executable, "-m", "regionpose", "pick", *words, "--no-browser"]
-    with subprocess.Popen(command, cwd=place, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        found = re.search(r"http://\S+", process.stdout.readline())
-        assert found is not None
-        yield found.group()
-        process.terminate()
 
 
 @pytest.fixture
@@ -69,109 +70,8 @@ def unasked(tmp_path: Path) -> Iterator[str]:
     yield from started([word for key, name in paths.items() for word in (key, str(files / name))], tmp_path)
 
 
-class Hand:
-    """A page and the clicks on it."""
-
-    def __init__(self, page: Any) -> None:
-        self.page, self.clicks = page, 0
-        cloud = read_cloud(demo_folder() / "cloud.ply")
-        self.range = RangeView.of(cloud, np.zeros(3))
-
-    def photo(self, pixel: tuple[float, float]) -> None:
-        self._click(0, pixel, SIZE)
-
-    def cloud(self, place: tuple[float, float, float]) -> None:
-        x, y = self.range.pixels(np.array([place]))[0].tolist()
-        self._click(1, (x, y), self.range.size)
-
-    def stroke(self, view: int, pixels: list[tuple[float, float]], size: tuple[int, int]) -> None:
-        """Shift-drag from pixel to pixel."""
-        self.clicks += 1
-        mouse = self.page.mouse
-        self.page.keyboard.down("Shift")
-        mouse.move(*self._place(view, pixels[0], size))
-        mouse.down()
-        for pixel in pixels[1:]:
-            mouse.move(*self._place(view, pixel, size), steps=5)
-        mouse.up()
-        self.page.keyboard.up("Shift")
-
-    def _click(self, view: int, pixel: tuple[float, float], size: tuple[int, int]) -> None:
-        self.clicks += 1
-        self.page.mouse.click(*self._place(view, pixel, size))
-
-    def _place(self, view: int, pixel: tuple[float, float], size: tuple[int, int]) -> tuple[float, float]:
-        box = self.page.locator(".pv-stage").nth(view).bounding_box()
-        across, down = ((at + 0.5) / length for at, length in zip(pixel, size, strict=True))
-        return box["x"] + across * box["width"], box["y"] + down * box["height"]
-
-    def wait(self, script: str) -> None:
-        self.page.wait_for_function(script)
-
-    def wait_for_rows(self, count: int) -> None:
-        self.wait(f"document.querySelectorAll('.rp-row').length == {count + 1}")
-
-    def wait_for_points(self, row: int) -> None:
-        self.wait(f"document.querySelectorAll('.rp-row')[{row}].innerText.includes('points')")
-
-    def narrower(self, row: int, place: tuple[float, float, float]) -> None:
-        said = f"document.querySelectorAll('.rp-row')[{row}].innerText"
-        while "like intensity" not in self.page.evaluate(said):
-            before = self.page.evaluate(said).split("points")[0]
-            self.cloud(place)
-            self.wait(f"{said}.split('points')[0] != {before!r}")
-
-    def wait_for_pose(self) -> None:
-        self.wait("document.querySelector('.rp-verdict') && !document.querySelector('.rp-spin')")
-
-    def shot(self, name: str) -> None:
-        if SHOTS is not None:
-            self.page.mouse.move(2, 2)
-            self.page.wait_for_timeout(600)
-            self.page.screenshot(path=f"{SHOTS}/{name}.png")
-
-
-@pytest.fixture
-def browser() -> Iterator[Any]:
-    """A browser without a screen."""
-    with launched() as chromium:
-        yield chromium
-
-
-@contextmanager
-def launched() -> Iterator[Any]:
-    """A browser without a screen, closed at the end."""
-    arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-    with playwright.sync_playwright() as player:
-        chromium = player.chromium.launch(executable_path=CHROMIUM, args=arguments)
-        yield chromium
-        chromium.close()
-
-
-def opened(browser: Any, address: str) -> tuple[Any, list[str]]:
-    """An open page, and what it asked of other places than its server or complained of."""
-    context = browser.new_context(viewport={"width": 1440, "height": 900})
-    context.set_default_timeout(WAIT_MS)
-    page = context.new_page()
-    odd: list[str] = []
-    page.on(
-        "request", lambda r: None if r.url.startswith((address.split("?")[0], "data:", "blob:")) else odd.append(r.url)
-    )
-    page.on("pageerror", lambda error: odd.append(str(error)))
-    led_on(page, address)
-    page.wait_for_timeout(1500)
-    return page, odd
-
-
-def led_on(page: Any, address: str) -> None:
-    """Open an address that leads on, and wait for the page that it leads to."""
-    page.goto(address, wait_until="commit")
-    page.wait_for_url(re.compile(r"^http://[^/]*/$"))
-    page.wait_for_selector(".pv img")
-
-
 def test_a_few_clicks_give_a_trusted_pose_that_the_saved_file_gives_again(
-    server: str, browser: Any, tmp_path: Path
+    server: str, browser: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     page, odd = opened(browser, server)
     hand = Hand(page)
@@ -191,27 +91,23 @@ def test_a_few_clicks_give_a_trusted_pose_that_the_saved_file_gives_again(
     page.wait_for_selector("text=Saved scene.yaml")
     hand.shot("5-saved")
     shown = np.array([float(word) for word in page.locator(".rp-matrix").inner_text().split()]).reshape(3, 4)
-    matrix = estimated(tmp_path)
+    matrix = estimated(tmp_path, capsys)
     np.testing.assert_allclose(matrix[:3], shown, atol=6e-6)
     assert odd == []
 
 
-def estimated(folder_of_scene: Path) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """The pose (4, 4) that `regionpose estimate` gives of the saved scene, which is near the true one."""
-    command = [sys.executable, "-m", "regionpose", "estimate", "scene.yaml", "--quiet", "--json"]
-    ended = subprocess.run(command, cwd=folder_of_scene, capture_output=True, text=True, check=True)
-    result = json.loads(ended.stdout)
+def estimated(folder_of_scene: Path, capsys: pytest.CaptureFixture[str]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """The trusted pose (4, 4) that `regionpose estimate` gives of the saved scene, which is near the true one."""
+    _, said, _ = run(capsys, "estimate", folder_of_scene / "scene.yaml", "--quiet", "--json")
+    result = json.loads(said)
+    assert result["status"] == "trusted"
     matrix = np.array(result["camera_from_world"]["matrix"])
-    from regionpose import Pose
-
     assert truth_errors(Pose.from_matrix(matrix), read_truth(demo_folder() / "truth.json"))["rotation_deg"] < 1.0
     return matrix
 
 
-def test_two_pages_show_one_session_and_keys_work(server: str, browser: Any) -> None:
-    first, odd = opened(browser, server)
-    second = first.context.new_page()
-    led_on(second, server)
+def test_two_pages_show_one_session_and_keys_work(demo: SharedDemo) -> None:
+    (first, odd), (second, _) = demo.page(), demo.page()
     one, other = Hand(first), Hand(second)
     polygon(one, [(200, 200), (320, 200), (320, 330), (200, 330)])
     one.wait_for_rows(1)
@@ -224,19 +120,9 @@ def test_two_pages_show_one_session_and_keys_work(server: str, browser: Any) -> 
     assert odd == []
 
 
-def saved_region(hand: Hand, folder_of_scene: Path) -> dict[str, Any]:
-    """The only region of the scene file, after it is saved."""
-    hand.page.keyboard.press("Control+s")
-    hand.page.wait_for_selector("text=Saved scene.yaml")
-    value: Any = plain_value(yaml_node((folder_of_scene / "scene.yaml").read_text(encoding="utf-8")))
-    return dict(value["regions"][0])
-
-
 @pytest.mark.parametrize("is_stroke", [True, False])
-def test_points_are_cut_out_by_a_stroke_or_by_corners(
-    server: str, browser: Any, tmp_path: Path, is_stroke: bool
-) -> None:
-    page, odd = opened(browser, server)
+def test_points_are_cut_out_by_a_stroke_or_by_corners(demo: SharedDemo, is_stroke: bool) -> None:
+    page, odd = demo.page()
     hand = Hand(page)
     hand.photo(CHALKBOARD[0])
     hand.wait_for_rows(1)
@@ -254,15 +140,15 @@ def test_points_are_cut_out_by_a_stroke_or_by_corners(
         page.keyboard.press("Enter")
     hand.wait("document.querySelectorAll('.rp-row')[1].innerText.includes('cut out')")
     hand.shot("10-cut-out")
-    points = np.load(tmp_path / str(saved_region(hand, tmp_path)["world"]["points"]))
+    points = np.load(demo.place / str(saved_region(hand, demo.place)["world"]["points"]))
     pixels = hand.range.pixels(read_cloud(demo_folder() / "cloud.ply").local_points[points])
     assert len(points) > 20
     assert (np.abs(pixels - [x, y]) < 11.0).all()
     assert odd == []
 
 
-def test_edges_are_hidden_with_shift_as_they_are_drawn(server: str, browser: Any, tmp_path: Path) -> None:
-    page, odd = opened(browser, server)
+def test_edges_are_hidden_with_shift_as_they_are_drawn(demo: SharedDemo) -> None:
+    page, odd = demo.page()
     hand = Hand(page)
     page.keyboard.press("p")
     hand.wait("document.querySelector('.pv-polygon')")
@@ -278,7 +164,7 @@ def test_edges_are_hidden_with_shift_as_they_are_drawn(server: str, browser: Any
     hand.wait_for_rows(1)
     hand.cloud(BOARD[1])
     hand.wait_for_points(1)
-    image = saved_region(hand, tmp_path)["image"]
+    image = saved_region(hand, demo.place)["image"]
     ring, hidden = np.array(image["polygon"]), image["hidden_edges"]
     assert len(ring) > 6
     # The edge that ends at a corner with Shift, and the stroke; not what leaves its end, nor the last edge.
@@ -288,8 +174,13 @@ def test_edges_are_hidden_with_shift_as_they_are_drawn(server: str, browser: Any
     assert odd == []
 
 
-def test_a_click_in_3d_grows_the_plane_that_its_ray_meets(server: str, browser: Any) -> None:
-    page, odd = opened(browser, server)
+def test_a_click_in_3d_grows_the_plane_that_its_ray_meets(demo: SharedDemo) -> None:
+    with demo.in_browser(*WEBGL) as (page, odd):
+        click_in_3d(page)
+        assert odd == []
+
+
+def click_in_3d(page: Any) -> None:
     hand = Hand(page)
     page.get_by_role("button", name="3D").click()
     page.wait_for_timeout(3000)
@@ -298,7 +189,6 @@ def test_a_click_in_3d_grows_the_plane_that_its_ray_meets(server: str, browser: 
     hand.wait_for_rows(1)
     hand.wait_for_points(1)
     hand.shot("7-solid")
-    assert odd == []
 
 
 def test_the_page_asks_where_the_scanner_stood_and_looks_from_there(unasked: str, browser: Any, tmp_path: Path) -> None:
@@ -327,8 +217,8 @@ def test_the_page_asks_where_the_scanner_stood_and_looks_from_there(unasked: str
     assert odd == []
 
 
-def test_what_is_known_is_asked_until_it_can_be_used(server: str, browser: Any) -> None:
-    page, odd = opened(browser, server)
+def test_what_is_known_is_asked_until_it_can_be_used(demo: SharedDemo) -> None:
+    page, odd = demo.page()
     page.get_by_role("button", name="Prior …").click()
     within = page.locator(".q-dialog input[type=number]").nth(3)
     within.fill("-1")
@@ -343,15 +233,6 @@ def test_what_is_known_is_asked_until_it_can_be_used(server: str, browser: Any) 
     assert odd == []
 
 
-def polygon(hand: Hand, corners: list[tuple[float, float]]) -> None:
-    """Draw a polygon with the keyboard's help."""
-    hand.page.keyboard.press("p")
-    hand.wait("document.querySelector('.pv-polygon')")
-    for corner in corners:
-        hand.photo(corner)
-    hand.page.keyboard.press("Enter")
-
-
 @pytest.fixture
 def edges(tmp_path: Path) -> Iterator[str]:
     """The address of a page on a made-up photo and cloud."""
@@ -362,7 +243,9 @@ def edges(tmp_path: Path) -> Iterator[str]:
     yield from started(["--image", "photo.png", "--camera", "cameras.txt", "--cloud", "scan.ply"], tmp_path)
 
 
-def test_a_pose_without_a_region_is_seen_over_the_photo_and_saved(edges: str, browser: Any, tmp_path: Path) -> None:
+def test_a_pose_without_a_region_is_seen_over_the_photo_and_saved(
+    edges: str, browser: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     page, odd = opened(browser, edges)
     hand = Hand(page)
     hand.wait_for_pose()
@@ -382,9 +265,10 @@ def test_a_pose_without_a_region_is_seen_over_the_photo_and_saved(edges: str, br
     page.keyboard.press("Control+s")
     page.wait_for_selector("text=Saved scene.yaml")
     shown = np.array([float(word) for word in page.locator(".rp-matrix").inner_text().split()]).reshape(3, 4)
-    command = [sys.executable, "-m", "regionpose", "estimate", "scene.yaml", "--quiet", "--json"]
-    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    matrix = np.array(json.loads(ended.stdout)["camera_from_world"]["matrix"])
+    draw_fewer(monkeypatch, *QUICK_DRAWS)
+    skip_planes(monkeypatch)
+    _, said, _ = run(capsys, "estimate", tmp_path / "scene.yaml", "--quiet", "--json")
+    matrix = np.array(json.loads(said)["camera_from_world"]["matrix"])
     np.testing.assert_allclose(matrix[:3], shown, atol=6e-6)
     np.testing.assert_allclose(matrix, made_world(5).pose.matrix, atol=0.05)
     assert odd == []

@@ -8,43 +8,29 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pick_pages import DOOR, WAIT_MS, Hand, SharedDemo, needs_chromium, polygon, saved_region, shared_demo
 
-playwright = pytest.importorskip("playwright.sync_api", reason="needs the package playwright")
 pytest.importorskip("nicegui", reason="needs the extra pick")
 pytest.importorskip("httpx", reason="needs the package httpx")
-
-from test_pick_browser import (  # noqa: E402
-    CHROMIUM,
-    DOOR,
-    WAIT_MS,
-    Hand,
-    launched,
-    opened,
-    polygon,
-    saved_region,
-    started,
-)
-
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="needs the browser chromium")]
+pytestmark = [pytest.mark.slow, needs_chromium]
 
 RING = [(200.0, 200.0), (320.0, 200.0), (320.0, 330.0), (200.0, 330.0)]
 
 
 @pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    """One browser for all."""
-    with launched() as held:
-        yield held
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SharedDemo]:
+    """One server and one browser."""
+    with shared_demo(tmp_path_factory.mktemp("demo")) as shared:
+        yield shared
 
 
 @pytest.fixture
-def hand(tmp_path: Path, chromium: Any) -> Iterator[Hand]:
+def hand(demo: SharedDemo) -> Iterator[Hand]:
     """An open page of the demo's files."""
-    for address in started(["--demo"], tmp_path):
-        page, odd = opened(chromium, address)
-        yield Hand(page)
-        assert odd == []
-        page.close()
+    page, odd = demo.page()
+    yield Hand(page)
+    assert odd == []
+    page.close()
 
 
 def ring_of(hand: Hand, place: Path) -> Any:
@@ -77,12 +63,12 @@ def test_a_click_on_a_handle_alone_adds_no_vertex(hand: Hand) -> None:
     assert hand.page.locator(".rp-row").count() == 2
 
 
-def test_corners_beside_the_photo_lie_on_its_border(hand: Hand, tmp_path: Path) -> None:
+def test_corners_beside_the_photo_lie_on_its_border(hand: Hand, demo: SharedDemo) -> None:
     polygon(hand, [(-6.0, 300.0), (200.0, 300.0), (200.0, 500.0), (-6.0, 500.0)])
     hand.wait_for_rows(1)
     hand.cloud(DOOR[1])
     hand.wait_for_points(1)
-    ring = ring_of(hand, tmp_path)
+    ring = ring_of(hand, demo.place)
     assert ring[[0, 3], 0] == pytest.approx(-0.5)
     assert ring[[1, 2], 0] == pytest.approx(200.0, abs=1.5)
 
