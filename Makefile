@@ -14,18 +14,18 @@ demo: $(STAMP)
 	$(BIN)/regionpose demo --out demo --force
 
 test: $(STAMP)
-	cargo test --quiet
+	cargo test --all-features --quiet
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # What is run at each change: without the tests that are marked as slow.
 test-fast: $(STAMP)
-	cargo test --quiet
+	cargo test --all-features --quiet
 	$(BIN)/python -m pytest -n 2 -m 'not slow'
 
 lint: $(STAMP)
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets --quiet -- -D warnings
-	for features in "" alignment batch mesh; do \
+	cargo clippy --workspace --all-targets --all-features --quiet -- -D warnings
+	for features in "" alignment batch mesh serde; do \
 	    cargo clippy --quiet --no-default-features --features "$$features" -- -D warnings || exit 1; \
 	done
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --all-features --quiet
@@ -39,9 +39,9 @@ lint: $(STAMP)
 # Mutated files through every reader and random inputs through the crate, each for half of SECONDS after a build that shares that
 # of the tests; files that are found are kept in fuzz/found, inputs come again by their seed.
 fuzz: $(STAMP)
-	cargo build --quiet --profile test --example fuzz
+	cargo build --all-features --quiet --profile test --example fuzz
 	$(BIN)/python fuzz/readers.py --seconds $$(($(SECONDS) / 2)) --seed $(SEED) --keep fuzz/found
-	cargo run --quiet --profile test --example fuzz -- --seconds $$(($(SECONDS) / 2)) --seed $(SEED)
+	cargo run --all-features --quiet --profile test --example fuzz -- --seconds $$(($(SECONDS) / 2)) --seed $(SEED)
 
 # Very many estimates, files and commands in one process: memory and handles stay as they are. And runs ended while they save.
 soak: $(STAMP)

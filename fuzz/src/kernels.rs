@@ -78,7 +78,7 @@ pub fn mesh(random: &mut Random) -> Outcome {
         _ => {
             let max_area = (!once_in(random, 3)).then(|| area * magnitude(random, -4.0, 1.0));
             let min_angle = once_in(random, 2).then(|| random.uniform(0.0, 30.0));
-            triangulate(&region, MeshOptions { max_area, min_angle })
+            triangulate(&region, MeshOptions::default().with_max_area(max_area).with_min_angle(min_angle))
         }
     };
     let Ok(mesh) = mesh else { return Ok(false) };

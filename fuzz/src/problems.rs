@@ -129,7 +129,7 @@ fn options(random: &mut Random) -> Options {
         let place = random.direction() * magnitude(random, -3.0, 3.0);
         prior = prior.with_near(place, None).expect("a finite place");
     }
-    Options { start, prior, refinement, ..Options::default() }
+    Options::default().with_start(start).with_prior(prior).with_refinement(refinement)
 }
 
 /// What is promised of every answer.

@@ -33,7 +33,7 @@ fn plane_geometry(criterion: &mut Criterion) {
     let (observed, predicted) = (region(100, 0.0), region(100, 0.02));
     criterion.bench_function("overlap/100", |b| b.iter(|| overlap_areas(black_box(&observed), &predicted)));
     criterion.bench_function("triangulate/100", |b| b.iter(|| triangulate(&observed, MeshOptions::default())));
-    let refined = MeshOptions { max_area: Some(5e-4), min_angle: Some(25.0) };
+    let refined = MeshOptions::default().with_max_area(5e-4).with_min_angle(25.0);
     criterion.bench_function("triangulate/refined", |b| b.iter(|| triangulate(&observed, refined)));
     criterion.bench_function("even_mesh/0.02", |b| b.iter(|| even_mesh(&observed, 0.02)));
     let points: Vec<_> = (1..=100).flat_map(|k| flower(1000, 0.0).into_iter().map(move |p| p * k as f64)).collect();

@@ -31,10 +31,12 @@
 //!
 //! # Features
 //!
-//! All are on by default.
+//! All but `serde` are on by default.
 //! - `alignment`: the pose of a camera by the edges of photos and clouds;
 //! - `batch`: many problems on a pool of threads by `in_parallel`;
-//! - `mesh`: triangulated regions and outlines of points; without it [`Integration::Mesh`] is refused.
+//! - `mesh`: triangulated regions and outlines of points; without it [`Integration::Mesh`] is refused;
+//! - `serde`: [`Pose`], [`Prior`], [`Options`], [`Estimate`] and [`Warning`] are serialized, and checked where they are read. An
+//!   estimate may have deviations that are infinite or not a number, which JSON has no form for.
 #![forbid(unsafe_code)]
 
 #[cfg(feature = "alignment")]

@@ -6,6 +6,7 @@ const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 /// Where the search starts.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Start {
     /// From the closed form of every region, without any prior (`docs/math.md`, section 7).
     #[default]
@@ -16,6 +17,7 @@ pub enum Start {
 
 /// Refinement after the solution of the moment equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Refinement {
     /// Where a part of the contours is disturbed, the pose is refined on the rest, unless several regions all have samples.
     #[default]
@@ -36,13 +38,16 @@ pub enum Refinement {
 /// # let worlds = [WorldRegion::from_rings(&[sign])?];
 /// // A camera held upright, in a world whose y axis points down; the moments alone decide.
 /// let prior = Prior::default().with_up(-Vector3::y(), None)?;
-/// let options = Options { prior, refinement: Refinement::Off, ..Options::default() };
+/// let options = Options::default().with_prior(prior).with_refinement(Refinement::Off);
 /// let estimate = Problem::new(&observed, &worlds)?.estimate_with(&options)?;
 /// assert!(estimate.warnings.is_empty() && estimate.best.minimum.is_some());
 /// # Ok::<(), regionpose::Error>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default))]
 #[must_use]
+#[non_exhaustive]
 pub struct Options {
     /// Where the search starts.
     pub start: Start,
@@ -56,6 +61,33 @@ pub struct Options {
     pub limits: Limits,
 }
 
+impl Options {
+    /// The same with another start.
+    pub fn with_start(self, start: Start) -> Self {
+        Self { start, ..self }
+    }
+
+    /// The same with another prior.
+    pub fn with_prior(self, prior: Prior) -> Self {
+        Self { prior, ..self }
+    }
+
+    /// The same with another refinement.
+    pub fn with_refinement(self, refinement: Refinement) -> Self {
+        Self { refinement, ..self }
+    }
+
+    /// The same with other errors of calibration, time and scan.
+    pub fn with_frame_sigma(self, frame_sigma: FrameSigma) -> Self {
+        Self { frame_sigma, ..self }
+    }
+
+    /// The same with other limits of a trusted pose.
+    pub fn with_limits(self, limits: Limits) -> Self {
+        Self { limits, ..self }
+    }
+}
+
 impl Default for Options {
     fn default() -> Self {
         let (start, prior, refinement) = (Start::default(), Prior::default(), Refinement::default());
@@ -66,6 +98,10 @@ impl Default for Options {
 /// Standard deviations of errors of a whole exposure, which no contour shows: its calibration, and the time between photo and scan
 /// (`docs/math.md`, section 10).
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default))]
+#[must_use]
+#[non_exhaustive]
 pub struct FrameSigma {
     /// Of the camera's rotation, rad.
     pub rotation: f64,
@@ -80,6 +116,26 @@ pub struct FrameSigma {
 impl FrameSigma {
     /// No errors, as of simulated exposures.
     pub const ZERO: Self = Self { rotation: 0.0, place: 0.0, focal: 0.0, center: 0.0 };
+
+    /// The same with another deviation of the camera's rotation, rad.
+    pub fn with_rotation(self, rotation: f64) -> Self {
+        Self { rotation, ..self }
+    }
+
+    /// The same with another deviation of its place.
+    pub fn with_place(self, place: f64) -> Self {
+        Self { place, ..self }
+    }
+
+    /// The same with another deviation of the focal lengths, as a share of them.
+    pub fn with_focal(self, focal: f64) -> Self {
+        Self { focal, ..self }
+    }
+
+    /// The same with another deviation of the image's center along either axis, pixels.
+    pub fn with_center(self, center: f64) -> Self {
+        Self { center, ..self }
+    }
 }
 
 impl Default for FrameSigma {
@@ -94,11 +150,27 @@ impl Default for FrameSigma {
 
 /// Largest standard deviations with which a pose is trusted, along its weakest axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default))]
+#[must_use]
+#[non_exhaustive]
 pub struct Limits {
     /// Of the rotation, rad.
     pub rotation: f64,
     /// Of the translation, over the median distance of the regions.
     pub translation: f64,
+}
+
+impl Limits {
+    /// The same with another limit of the rotation, rad.
+    pub fn with_rotation(self, rotation: f64) -> Self {
+        Self { rotation, ..self }
+    }
+
+    /// The same with another limit of the translation, over the median distance of the regions.
+    pub fn with_translation(self, translation: f64) -> Self {
+        Self { translation, ..self }
+    }
 }
 
 impl Default for Limits {

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
 
 use crate::error::{Error, Result};
-use crate::geometry::pose::Pose;
+use crate::geometry::pose::{Pose, check_pose};
 use crate::math::gaussian::Gaussian;
 
 /// Standard deviation of the up direction where none is given, rad (15 degrees): a camera held by hand, its pitch unknown.
@@ -25,6 +25,7 @@ const FAR: f64 = std::f64::consts::FRAC_PI_4;
 
 /// Uncertainty of an initial pose, standard deviations along each of the camera's axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PoseSigma {
     /// Of the camera's rotation, rad.
     pub rotation: f64,
@@ -47,11 +48,13 @@ pub struct PoseSigma {
 /// let initial = Pose::new(Pose::identity().rotation, Vector3::new(-0.4, 0.1, 4.1));
 /// let sigma = PoseSigma { rotation: 0.1, place: 0.2 };
 /// let prior = Prior::default().with_initial(initial, Some(sigma))?;
-/// let estimate = problem.estimate_with(&Options { prior, ..Options::default() })?;
+/// let estimate = problem.estimate_with(&Options::default().with_prior(prior))?;
 /// assert!(estimate.alternatives.is_empty() && estimate.best.pose.angle_to(&initial) < 1e-6);
 /// # Ok::<(), regionpose::Error>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(into = "serialized::Terms", try_from = "serialized::Terms"))]
 #[must_use]
 pub struct Prior {
     /// A rough pose, `camera_from_world`.
@@ -124,8 +127,7 @@ impl Prior {
     /// # Errors
     /// A pose that is not finite or whose rotation is none, and a deviation that is not a positive number.
     pub fn with_initial(self, pose: Pose, sigma: Option<PoseSigma>) -> Result<Self> {
-        // The pose itself, as given: what is made orthonormal differs in the last digits.
-        let _ = Pose::from_matrix(pose.rotation.matrix(), pose.translation)?;
+        check_pose(pose.rotation.matrix(), &pose.translation)?;
         check_sigma("initial_sigma.rotation", sigma.map(|sigma| sigma.rotation))?;
         check_sigma("initial_sigma.place", sigma.map(|sigma| sigma.place))?;
         Ok(Self { initial: Some(pose), initial_sigma: sigma, ..self })
@@ -297,6 +299,57 @@ pub(crate) fn mahalanobis<const N: usize>(increment: &SVector<f64, N>, covarianc
         return 0.0;
     }
     covariance.cholesky().map_or(0.0, |root| increment.dot(&root.solve(increment)).max(0.0).sqrt())
+}
+
+/// A prior as it is serialized, by its terms; what is read is checked as by its methods.
+#[cfg(feature = "serde")]
+mod serialized {
+    use super::{Error, Pose, PoseSigma, Prior, Result, Vector3};
+
+    #[derive(serde::Serialize, serde::Deserialize, Default)]
+    #[serde(default, deny_unknown_fields)]
+    pub(super) struct Terms {
+        initial: Option<Pose>,
+        initial_sigma: Option<PoseSigma>,
+        up: Option<Vector3<f64>>,
+        up_sigma: Option<f64>,
+        near: Option<Vector3<f64>>,
+        near_sigma: Option<f64>,
+    }
+
+    impl From<Prior> for Terms {
+        fn from(prior: Prior) -> Self {
+            let Prior { initial, initial_sigma, up, up_sigma, near, near_sigma } = prior;
+            Self { initial, initial_sigma, up, up_sigma, near, near_sigma }
+        }
+    }
+
+    impl TryFrom<Terms> for Prior {
+        type Error = Error;
+
+        fn try_from(terms: Terms) -> Result<Self> {
+            let alone = |item, sigma: bool, term: bool| match sigma && !term {
+                true => {
+                    Err(Error::InvalidPrior { item, found: "a deviation alone".into(), needed: "what it is of".into() })
+                }
+                false => Ok(()),
+            };
+            alone("initial_sigma", terms.initial_sigma.is_some(), terms.initial.is_some())?;
+            alone("up_sigma", terms.up_sigma.is_some(), terms.up.is_some())?;
+            alone("near_sigma", terms.near_sigma.is_some(), terms.near.is_some())?;
+            let mut prior = Self::default();
+            if let Some(initial) = terms.initial {
+                prior = prior.with_initial(initial, terms.initial_sigma)?;
+            }
+            if let Some(up) = terms.up {
+                prior = prior.with_up(up, terms.up_sigma)?;
+            }
+            if let Some(near) = terms.near {
+                prior = prior.with_near(near, terms.near_sigma)?;
+            }
+            Ok(prior)
+        }
+    }
 }
 
 #[cfg(test)]

@@ -140,7 +140,7 @@ fn a_cut_region_alone_gives_its_pose() {
             let scene = Cut::random(seed, true);
             let world = WorldRegion::from_rings(&scene.rings).unwrap();
             let problem = scene.problem(world, System::Plane);
-            let estimate = problem.estimate_with(&Options { refinement, ..Options::default() }).unwrap();
+            let estimate = problem.estimate_with(&Options::default().with_refinement(refinement)).unwrap();
             let found = std::iter::once(&estimate.best).chain(&estimate.alternatives);
             let error = found.map(|s| s.pose.angle_to(&scene.pose)).fold(f64::INFINITY, f64::min);
             let allowed = if refinement == Refinement::Off { EXACT } else { ROUNDED };

@@ -210,11 +210,9 @@ fn facing_solves(scene: &Scene, up: &Vector3<f64>, system: System) -> bool {
 /// Whether the native solver finds the truth from the paper's start.
 fn paper_solves(scene: &Scene, up: &Vector3<f64>, system: System) -> bool {
     let prior = Prior::default().with_up(*up, None).unwrap();
-    let estimate = scene.problem(system, Integration::Boundary).estimate_with(&Options {
-        start: Start::Paper,
-        prior,
-        ..Options::default()
-    });
+    let estimate = scene
+        .problem(system, Integration::Boundary)
+        .estimate_with(&Options::default().with_start(Start::Paper).with_prior(prior));
     estimate.is_ok_and(|estimate| scene.errors(&estimate.best.pose).0 < SOLVED)
 }
 

@@ -34,7 +34,7 @@ fn problem(scene: &Scene, observed: &[ObservedRegion]) -> Problem {
 }
 
 fn estimated(scene: &Scene, observed: &[ObservedRegion], refinement: Refinement) -> Estimate {
-    problem(scene, observed).estimate_with(&Options { refinement, ..Options::default() }).unwrap()
+    problem(scene, observed).estimate_with(&Options::default().with_refinement(refinement)).unwrap()
 }
 
 #[test]

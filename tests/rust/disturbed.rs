@@ -63,7 +63,7 @@ fn errors(side: f64) -> Vec<[f64; 2]> {
         let observed: Vec<_> = scene.observed.iter().map(|region| painted(region, side, &mut random)).collect();
         let problem = Problem::new(&observed, &scene.worlds).unwrap();
         [Refinement::Contour, Refinement::Off].map(|refinement| {
-            let estimate = problem.estimate_with(&Options { refinement, ..Options::default() }).unwrap();
+            let estimate = problem.estimate_with(&Options::default().with_refinement(refinement)).unwrap();
             scene.errors(&estimate.best.pose).0
         })
     };

@@ -36,7 +36,7 @@ const SCATTER: usize = 200;
 const CORNER_PIXELS: usize = 5;
 
 fn estimated(scene: &Scene, prior: &Prior) -> Estimate {
-    let options = Options { prior: *prior, ..Options::default() };
+    let options = Options::default().with_prior(*prior);
     scene.problem(System::Plane, Integration::Boundary).estimate_with(&options).unwrap()
 }
 
@@ -174,7 +174,7 @@ fn a_rough_pose_chooses_among_symmetric_ones() {
             let initial = expected.retract(&random.tangent(0.2, 0.3));
             let prior = Prior::default().with_initial(initial, None).unwrap();
             let problem = scene.problem(System::Plane, Integration::Boundary);
-            let estimate = problem.estimate_with(&Options { start, prior, ..Options::default() }).unwrap();
+            let estimate = problem.estimate_with(&Options::default().with_start(start).with_prior(prior)).unwrap();
             assert!(estimate.best.pose.angle_to(&expected) < SYMMETRIC, "{turns} turns, {start:?}");
         }
     }
@@ -232,7 +232,7 @@ fn the_covariance_agrees_with_the_scatter_of_noisy_images() {
     for _ in 0..SCATTER {
         let observed = noisy(&scene, &mut random, 1.0);
         let problem = Problem::new(&observed, &scene.worlds).unwrap();
-        let exact = Options { frame_sigma: FrameSigma::ZERO, ..Options::default() };
+        let exact = Options::default().with_frame_sigma(FrameSigma::ZERO);
         let estimate = problem.estimate_with(&exact).unwrap();
         let error = increment(&estimate.best.pose, &scene.pose);
         scatter += error * error.transpose() / SCATTER as f64;
@@ -376,11 +376,11 @@ proptest! {
             return Ok(());
         };
         let prior = upright.with_initial(initial, None).unwrap();
-        let estimate = problem.estimate_with(&Options { prior, ..Options::default() }).unwrap();
+        let estimate = problem.estimate_with(&Options::default().with_prior(prior)).unwrap();
         prop_assert!(scene.errors(&estimate.best.pose).0 < EXACT);
         for start in [Start::Global, Start::Paper] {
             let prior = upright;
-            let _ = problem.estimate_with(&Options { start, prior, ..Options::default() });
+            let _ = problem.estimate_with(&Options::default().with_start(start).with_prior(prior));
         }
     }
 }
@@ -429,7 +429,7 @@ proptest! {
         match Problem::with(&observed, &worlds, system, integration) {
             Err(error) => prop_assert!(matches!(error, Error::InRegion { .. }), "{error}"),
             Ok(problem) => {
-                if let Ok(estimate) = problem.estimate_with(&Options { start, ..Options::default() }) {
+                if let Ok(estimate) = problem.estimate_with(&Options::default().with_start(start)) {
                     prop_assert!(estimate.best.pose.translation.iter().all(|x| x.is_finite()));
                 }
             }

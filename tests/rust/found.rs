@@ -65,7 +65,7 @@ fn an_even_mesh_of_a_region_thinner_than_its_edges_is_bounded() {
 fn a_refined_mesh_has_a_bound_on_its_vertices() {
     let region = needle(1e-4);
     let start = Instant::now();
-    let options = MeshOptions { min_angle: Some(30.0), ..MeshOptions::default() };
+    let options = MeshOptions::default().with_min_angle(30.0);
     assert!(triangulate(&region, options).map_or(true, |mesh| mesh.vertices.len() <= MOST_TRIANGLES));
     assert!(start.elapsed() < Duration::from_secs(30));
 }

@@ -8,7 +8,7 @@ use regionpose::{Estimate, FrameSigma, Limits, ObservedRegion, Options, Problem,
 
 fn estimated(observed: &[ObservedRegion], worlds: &[WorldRegion], frame_sigma: FrameSigma) -> Estimate {
     let problem = Problem::new(observed, worlds).unwrap();
-    problem.estimate_with(&Options { frame_sigma, ..Options::default() }).unwrap()
+    problem.estimate_with(&Options::default().with_frame_sigma(frame_sigma)).unwrap()
 }
 
 /// What the scene's camera sees of its regions, each bearing changed by its region's number.
@@ -24,7 +24,7 @@ fn seen(scene: &Scene, change: impl Fn(usize, Vector3<f64>) -> Vector3<f64>) -> 
 #[test]
 fn the_error_of_an_exposure_adds_to_the_covariance() {
     let scene = Scene::random(&mut Random::new(4), layout(3));
-    let sigma = FrameSigma { rotation: 0.002, place: 0.05, focal: 0.01, center: 2.0 };
+    let sigma = FrameSigma::ZERO.with_rotation(0.002).with_place(0.05).with_focal(0.01).with_center(2.0);
     let Estimate { best: alone, pixel_angle, .. } = estimated(&scene.observed, &scene.worlds, FrameSigma::ZERO);
     let whole = estimated(&scene.observed, &scene.worlds, sigma).best;
     assert!((pixel_angle * FOCAL - 1.0).abs() < 0.02, "{pixel_angle}");
@@ -109,7 +109,7 @@ fn regions_of_a_scan_that_contradict_one_another_widen_the_covariance() {
 fn a_pose_beyond_the_limits_has_a_warning_that_names_them() {
     let scene = Scene::random(&mut Random::new(5), layout(3));
     let warned = |limits: Limits| {
-        let options = Options { limits, ..Options::default() };
+        let options = Options::default().with_limits(limits);
         let estimate = Problem::new(&scene.observed, &scene.worlds).unwrap().estimate_with(&options).unwrap();
         let weak = estimate.warnings.iter().find_map(|warning| match warning {
             Warning::WeakGeometry { degrees, shift, most_degrees, most_shift, .. } => {
@@ -121,13 +121,14 @@ fn a_pose_beyond_the_limits_has_a_warning_that_names_them() {
     };
     let (distance, none) = warned(Limits::default());
     assert_eq!(none, None);
-    let [degrees, shift, ..] = warned(Limits { rotation: 0.0, translation: 0.0 }).1.unwrap();
-    let above = Limits { rotation: degrees.to_radians() * 1.01, translation: shift / distance * 1.01 };
+    let [degrees, shift, ..] = warned(Limits::default().with_rotation(0.0).with_translation(0.0)).1.unwrap();
+    let (rotation, translation) = (degrees.to_radians(), shift / distance);
+    let above = Limits::default().with_rotation(rotation * 1.01).with_translation(translation * 1.01);
     assert_eq!(warned(above).1, None);
-    let turned = Limits { rotation: degrees.to_radians() * 0.99, ..above };
+    let turned = above.with_rotation(rotation * 0.99);
     let [.., most, _] = warned(turned).1.unwrap();
     assert!((most - 0.99 * degrees).abs() < 1e-9);
-    let moved = Limits { translation: shift / distance * 0.99, ..above };
+    let moved = above.with_translation(translation * 0.99);
     let [.., most] = warned(moved).1.unwrap();
     assert!((most - 0.99 * shift).abs() < 1e-9);
 }

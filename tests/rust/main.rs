@@ -46,6 +46,8 @@ mod sampled;
 mod samples;
 mod scene_steps;
 mod segments;
+#[cfg(feature = "serde")]
+mod serialization;
 mod signed_distance;
 mod symmetry;
 mod uninformative;

@@ -31,7 +31,7 @@ fn frame() -> PlaneRings {
 }
 
 fn refined(max_area: f64, min_angle: f64) -> MeshOptions {
-    MeshOptions { max_area: Some(max_area), min_angle: Some(min_angle) }
+    MeshOptions::default().with_max_area(max_area).with_min_angle(min_angle)
 }
 
 fn area(mesh: &PlaneMesh, &[a, b, c]: &[usize; 3]) -> f64 {
@@ -160,7 +160,8 @@ fn options_out_of_range_are_named() {
         (None, Some(30.5), "min_angle"),
         (None, Some(f64::NAN), "min_angle"),
     ] {
-        let found = triangulate(&frame(), MeshOptions { max_area, min_angle }).unwrap_err();
+        let found = triangulate(&frame(), MeshOptions::default().with_max_area(max_area).with_min_angle(min_angle))
+            .unwrap_err();
         assert!(matches!(found, Error::InvalidOption { item: named, .. } if named == item), "{found}");
     }
     for length in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-4, 5e-324] {
@@ -291,9 +292,9 @@ proptest! {
         if let Ok(region) = PlaneRings::new(rings) {
             let options = [
                 MeshOptions::default(),
-                MeshOptions { max_area: Some(max_area), min_angle: Some(min_angle) },
-                MeshOptions { max_area: Some(region.area() / 20.0), min_angle: Some(30.0) },
-                MeshOptions { max_area: Some(region.area() / 20.0), min_angle: None },
+                MeshOptions::default().with_max_area(max_area).with_min_angle(min_angle),
+                MeshOptions::default().with_max_area(region.area() / 20.0).with_min_angle(30.0),
+                MeshOptions::default().with_max_area(region.area() / 20.0),
             ];
             for options in options {
                 if let Ok(mesh) = triangulate(&region, options) {

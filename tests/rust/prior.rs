@@ -18,8 +18,8 @@ const ROUGH: PoseSigma = PoseSigma { rotation: 0.1, place: 0.2 };
 
 fn estimated(scene: &Scene, prior: &Prior) -> Estimate {
     // Poses of a single plane are trusted farther here.
-    let limits = Limits { rotation: 1.5_f64.to_radians(), ..Limits::default() };
-    let options = Options { prior: *prior, limits, ..Options::default() };
+    let limits = Limits::default().with_rotation(1.5_f64.to_radians());
+    let options = Options::default().with_prior(*prior).with_limits(limits);
     scene.problem(System::Plane, Integration::Boundary).estimate_with(&options).unwrap()
 }
 

@@ -22,8 +22,10 @@ const CHI_SQUARED_90: f64 = 10.645;
 
 fn estimated(scene: &Scene, worlds: &[WorldRegion], prior: Prior) -> Estimate {
     let problem = Problem::new(&scene.observed, worlds).unwrap();
-    let (frame_sigma, limits) = (FrameSigma::ZERO, Limits { rotation: 1.0_f64.to_radians(), ..Limits::default() });
-    problem.estimate_with(&Options { prior, frame_sigma, limits, ..Options::default() }).unwrap()
+    let (frame_sigma, limits) = (FrameSigma::ZERO, Limits::default().with_rotation(1.0_f64.to_radians()));
+    problem
+        .estimate_with(&Options::default().with_prior(prior).with_frame_sigma(frame_sigma).with_limits(limits))
+        .unwrap()
 }
 
 /// A posterior about the true pose, and its problem.

@@ -15,7 +15,7 @@ use regionpose::{Estimate, ObservedRegion, Options, Pose, PoseSigma, Prior, Prob
 const DEEP: f64 = 0.15;
 
 fn estimated(observed: &[ObservedRegion], worlds: &[WorldRegion], prior: Prior) -> Estimate {
-    Problem::new(observed, worlds).unwrap().estimate_with(&Options { prior, ..Options::default() }).unwrap()
+    Problem::new(observed, worlds).unwrap().estimate_with(&Options::default().with_prior(prior)).unwrap()
 }
 
 /// So many random places of a region's plane around which there are no edges.

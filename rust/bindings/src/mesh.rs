@@ -71,10 +71,9 @@ pub fn triangulate<'py>(
     min_angle: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<MeshArrays<'py>> {
     let given = crate::arrays::rings::<2>(rings)?;
-    let options = MeshOptions {
-        max_area: optional("max_area", max_area, "a number or None")?,
-        min_angle: optional("min_angle", min_angle, "a number or None")?,
-    };
+    let options = MeshOptions::default()
+        .with_max_area(optional::<f64>("max_area", max_area, "a number or None")?)
+        .with_min_angle(optional::<f64>("min_angle", min_angle, "a number or None")?);
     let mesh = detached(py, || PlaneRings::new(given).and_then(|rings| triangulation::triangulate(&rings, options)))?;
     plane_mesh_arrays(py, &mesh.map_err(value_error)?)
 }

@@ -409,28 +409,26 @@ fn parsed_options(
     frame_sigma: Option<[f64; 4]>,
     limits: Option<[f64; 2]>,
 ) -> PyResult<Options> {
-    let (prior, given) = (prior.map(|prior| prior.0).unwrap_or_default(), Options::default());
-    Ok(Options {
-        start: parsed_start(start)?,
-        prior,
-        refinement: parsed_refinement(refine)?,
-        frame_sigma: match frame_sigma {
-            Some([degrees, meters, focal, center]) => FrameSigma {
-                rotation: at_least_zero("frame_sigma[0]", degrees)?.to_radians(),
-                place: at_least_zero("frame_sigma[1]", meters)?,
-                focal: at_least_zero("frame_sigma[2]", focal)?,
-                center: at_least_zero("frame_sigma[3]", center)?,
-            },
-            None => given.frame_sigma,
-        },
-        limits: limits.map(parsed_limits).transpose()?.unwrap_or(given.limits),
-    })
+    let options = Options::default().with_start(parsed_start(start)?).with_refinement(parsed_refinement(refine)?);
+    Ok(options
+        .with_prior(prior.map(|prior| prior.0).unwrap_or_default())
+        .with_frame_sigma(frame_sigma.map(parsed_frame_sigma).transpose()?.unwrap_or_default())
+        .with_limits(limits.map(parsed_limits).transpose()?.unwrap_or_default()))
+}
+
+/// Errors of a whole exposure: degrees, meters, a fraction of the focal lengths, pixels.
+fn parsed_frame_sigma([degrees, meters, focal, center]: [f64; 4]) -> PyResult<FrameSigma> {
+    Ok(FrameSigma::ZERO
+        .with_rotation(at_least_zero("frame_sigma[0]", degrees)?.to_radians())
+        .with_place(at_least_zero("frame_sigma[1]", meters)?)
+        .with_focal(at_least_zero("frame_sigma[2]", focal)?)
+        .with_center(at_least_zero("frame_sigma[3]", center)?))
 }
 
 /// Limits of the deviations of a trusted pose, degrees and a fraction of the distance.
 fn parsed_limits([degrees, fraction]: [f64; 2]) -> PyResult<Limits> {
     let (rotation, translation) = (at_least_zero("limits[0]", degrees)?, at_least_zero("limits[1]", fraction)?);
-    Ok(Limits { rotation: rotation.to_radians(), translation })
+    Ok(Limits::default().with_rotation(rotation.to_radians()).with_translation(translation))
 }
 
 fn at_least_zero(name: &str, value: f64) -> PyResult<f64> {

@@ -66,6 +66,7 @@ pub const AMBIGUITY: f64 = 25.0;
 
 /// A pose with the contours' residuals and their mixture.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContourFit {
     /// The pose about the problem's origin.
     pub pose: Pose,
@@ -77,6 +78,7 @@ pub struct ContourFit {
     /// One piece in so many was read.
     step: usize,
     /// Probability of each reading to be clean, computed on demand.
+    #[cfg_attr(feature = "serde", serde(skip))]
     clean: OnceLock<Vec<f64>>,
 }
 

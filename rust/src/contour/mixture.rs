@@ -32,6 +32,7 @@ const SHARES: (f64, f64) = (1e-3, 0.999);
 
 /// Two normal distributions of distances, of the clean pieces and of the disturbed ones, and the share of these in each region.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Mixture {
     /// Standard deviation of the clean ones, pixels.
     pub sigma: f64,

@@ -60,6 +60,7 @@ pub struct Contour {
 
 /// The residual of a piece of a contour.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Reading {
     /// Signed distance of its mean from the projected boundary, pixels.
     pub distance: f64,

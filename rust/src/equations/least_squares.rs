@@ -22,6 +22,7 @@ pub struct TerminationCriteria {
 
 /// Why an iteration ended.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Termination {
     /// The equations hold exactly.
     #[error("the residuals are zero")]
@@ -61,6 +62,7 @@ impl Termination {
 
 /// The end point of a least-squares iteration.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[must_use]
 pub struct Minimum {
     /// The pose, `camera_from_world`.

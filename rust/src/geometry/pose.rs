@@ -31,8 +31,20 @@ pub(crate) fn check_rotation(item: &'static str, matrix: &Matrix3<f64>) -> Resul
     })
 }
 
+/// Refuses a rotation matrix or translation that is not finite, and a matrix that is no rotation, nearly.
+pub(crate) fn check_pose(rotation: &Matrix3<f64>, translation: &Vector3<f64>) -> Result<()> {
+    for (index, &value) in rotation.iter().chain(translation.iter()).enumerate() {
+        if !value.is_finite() {
+            return Err(Error::NotFinite { item: "pose entry".into(), index, value });
+        }
+    }
+    check_rotation("rotation", rotation)
+}
+
 /// A rigid motion `x_camera = rotation * x_world + translation`, named `camera_from_world` where it is the camera's pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(into = "serialized::Rows", try_from = "serialized::Rows"))]
 #[must_use]
 pub struct Pose {
     /// Rotation from world to camera axes.
@@ -52,12 +64,7 @@ impl Pose {
     /// # Errors
     /// When an entry is not finite, or the matrix is not a rotation to 1e-6.
     pub fn from_matrix(rotation: &Matrix3<f64>, translation: Vector3<f64>) -> Result<Self> {
-        for (index, &value) in rotation.iter().chain(translation.iter()).enumerate() {
-            if !value.is_finite() {
-                return Err(Error::NotFinite { item: "pose entry".into(), index, value });
-            }
-        }
-        check_rotation("rotation", rotation)?;
+        check_pose(rotation, &translation)?;
         Ok(Self { rotation: orthonormalized(rotation), translation })
     }
 
@@ -156,4 +163,33 @@ fn left_jacobian(omega: &Vector3<f64>) -> Matrix3<f64> {
     };
     let cross = cross_matrix(omega);
     Matrix3::identity() + cross * first + cross * cross * second
+}
+
+/// A pose as it is serialized: the rows of its rotation matrix, which any library reads alike.
+#[cfg(feature = "serde")]
+mod serialized {
+    use super::{Error, Matrix3, Pose, Result, Rotation3, check_pose};
+
+    #[derive(serde::Serialize, serde::Deserialize)]
+    pub(super) struct Rows {
+        rotation: [[f64; 3]; 3],
+        translation: [f64; 3],
+    }
+
+    impl From<Pose> for Rows {
+        fn from(pose: Pose) -> Self {
+            Self { rotation: pose.rotation.matrix().transpose().into(), translation: pose.translation.into() }
+        }
+    }
+
+    impl TryFrom<Rows> for Pose {
+        type Error = Error;
+
+        /// The pose itself, as given: what is made orthonormal differs in the last digits.
+        fn try_from(rows: Rows) -> Result<Self> {
+            let (matrix, translation) = (Matrix3::from(rows.rotation).transpose(), rows.translation.into());
+            check_pose(&matrix, &translation)?;
+            Ok(Self::new(Rotation3::from_matrix_unchecked(matrix), translation))
+        }
+    }
 }

@@ -7,6 +7,7 @@ use nalgebra::{SMatrix, SVector};
 /// A Gaussian factor of a vector `x` (mostly the left increment of a pose), not normalized: the logarithm of its value is
 /// `offset + information_vector . x - x . information x / 2`.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Gaussian<const D: usize = 6> {
     /// Information matrix: the inverse covariance, zero along directions that the factor leaves free.
     pub information: SMatrix<f64, D, D>,

@@ -35,6 +35,8 @@ const SMALLEST_SPLIT_SPACINGS: f64 = 256.0;
 
 /// Options of refinement; the default does not refine.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[must_use]
+#[non_exhaustive]
 pub struct MeshOptions {
     /// Largest area of a triangle, in the rings' unit squared.
     pub max_area: Option<f64>,
@@ -43,6 +45,16 @@ pub struct MeshOptions {
 }
 
 impl MeshOptions {
+    /// The same with another largest area of a triangle, in the rings' unit squared; `None` is no limit.
+    pub fn with_max_area(self, max_area: impl Into<Option<f64>>) -> Self {
+        Self { max_area: max_area.into(), ..self }
+    }
+
+    /// The same with another smallest angle of a triangle in degrees; `None` is no limit.
+    pub fn with_min_angle(self, min_angle: impl Into<Option<f64>>) -> Self {
+        Self { min_angle: min_angle.into(), ..self }
+    }
+
     fn check(&self, area: f64) -> Result<()> {
         let smallest = area / MOST_TRIANGLES as f64;
         if let Some(max_area) = self.max_area.filter(|&max_area| !(max_area >= smallest && max_area > 0.0)) {

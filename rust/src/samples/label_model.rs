@@ -206,6 +206,7 @@ impl LabelStats {
 
 /// Standard deviations of noise, pixels: of each label, of the dilation of a whole contour, and of its corners at least.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct NoiseLevels {
     /// Of labels, independent.
     pub label: f64,

@@ -19,6 +19,7 @@ pub(crate) const EQUIVALENT_DEVIANCE: f64 = 4.394_449_154_672_439;
 
 /// Posterior of a pose given samples: one mode.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Posterior {
     /// The mean, about the problem's origin.
     pub pose: Pose,
@@ -80,6 +81,7 @@ impl Posterior {
 
 /// Evidence of a mode, in parts.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct ModeEvidence {
     /// Log probability of each label, by angle in each region.
     pub(super) log_probabilities: Vec<f64>,

@@ -18,6 +18,7 @@ const SAMPLES: [f64; 6] = [2.440, -0.770, 3.565, -3.808, -16.903, -1.019];
 
 /// Features of a pose's fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Evidence {
     /// Standard deviations of the rotation about its principal axes, degrees.
     pub rotation_sigmas: [f64; 3],
@@ -29,6 +30,7 @@ pub struct Evidence {
 
 /// Features of outlines or of samples, beside the noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum EvidenceSource {
     /// By the pieces of contours.
     Outlines {

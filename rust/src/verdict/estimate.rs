@@ -25,7 +25,9 @@ use crate::search::poses::distinct;
 
 /// The pose of a camera, with its covariance, alternatives, confidence and warnings.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[must_use]
+#[non_exhaustive]
 pub struct Estimate {
     /// The best pose.
     pub best: Solution,

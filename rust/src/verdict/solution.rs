@@ -17,7 +17,9 @@ pub const TRUSTED: f64 = 0.97;
 
 /// A pose and how well its projected regions cover the observed ones.
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[must_use]
+#[non_exhaustive]
 pub struct Solution {
     /// `camera_from_world`.
     pub pose: Pose,

@@ -7,6 +7,7 @@ use crate::geometry::pose::Pose;
 
 /// A reason not to trust a pose as it is. Lengths are meters, axes the camera's.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Warning {
     /// Other poses fit as well.
@@ -133,6 +134,7 @@ impl Warning {
 
 /// The motion from one pose to another.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RelativePose {
     /// Turn, degrees.
     pub degrees: f64,
@@ -153,6 +155,7 @@ impl RelativePose {
 
 /// A cause of weak geometry.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Cause {
     /// A plane that faces the camera: to first order its view does not change with its tilt.
