@@ -10,6 +10,7 @@ use super::readings::{Contour, Reading};
 use super::region_preference::{RegionPreference, compare_by_region, of_counted};
 use crate::budget;
 use crate::equations::normal_equations::NormalEquations;
+use crate::equations::step_bounds::{backtracked, clamped};
 use crate::geometry::pose::{Pose, Tangent};
 use crate::math::autocorrelation::{centered, correlation, mean, sigmas, split};
 use crate::math::gaussian::Gaussian;
@@ -37,7 +38,7 @@ const LAST_ROUNDS: usize = 8;
 const CONVERGED: f64 = 3e-3;
 
 /// Halvings of a step that takes a region out of view: a convention.
-const HALVINGS: i32 = 6;
+const HALVINGS: usize = 6;
 
 /// Longest step, rad and share of the distance: a convention.
 const LONGEST_STEP: f64 = 0.1;
@@ -414,13 +415,6 @@ fn gauss_newton(equations: &NormalEquations) -> Option<Tangent> {
 
 /// The pose moved by an increment, shortened until every region is in view.
 fn advanced(contours: &[Contour], pose: &Pose, increment: &Tangent) -> Option<Pose> {
-    let increment = increment * (LONGEST_STEP / size(increment, pose)).min(1.0);
-    let shorter = (0..=HALVINGS).map(|times| pose.retract(&(increment * 0.5_f64.powi(times))));
-    shorter.into_iter().find(|moved| contours.iter().all(|contour| contour.is_in_view(moved)))
-}
-
-/// Size of an increment: radians, or a share of the distance.
-pub(crate) fn size(increment: &Tangent, pose: &Pose) -> f64 {
-    let distance = pose.translation.norm().max(f64::MIN_POSITIVE);
-    increment.fixed_rows::<3>(0).norm().max(increment.fixed_rows::<3>(3).norm() / distance)
+    let in_view = |moved: &Pose| contours.iter().all(|contour| contour.is_in_view(moved));
+    backtracked(pose, &clamped(increment, pose, LONGEST_STEP), HALVINGS, in_view)
 }

@@ -7,5 +7,6 @@ pub mod information;
 pub mod least_squares;
 pub mod normal_equations;
 pub mod residual;
+pub mod step_bounds;
 pub mod system;
 pub mod whitening;

@@ -8,20 +8,20 @@ use super::ep::{EpPosterior, run_ep, run_ep_independent};
 use super::label_model::{LabelModel, NoiseLevels, log_likelihood, subsample_stride};
 use super::margin::SampledRegion;
 use crate::budget;
-use crate::contour::fit::size;
+use crate::equations::step_bounds::{backtracked, clamped};
 use crate::geometry::pose::{Pose, Tangent};
 use crate::math::gaussian::{Gaussian, Normal};
 
 /// A step by less than this many standard deviations is the last: a convention.
 const CONVERGED_SIGMAS: f64 = 0.1;
 
-/// Factor of damping: of steps whose direction turns, and of each halving.
+/// Factor of damping of steps whose direction turns.
 const DAMPING: f64 = 0.5;
 
 /// Largest drop in log posterior that a step may cause before it is halved, and of a posterior linearized over its distribution against one
 /// linearized at its mean: twice the 3 that six parameters lose by chance.
 pub(super) const MAX_DROP: f64 = 6.0;
-const MAX_HALVINGS: usize = 4;
+const MAX_HALVINGS: usize = 3;
 
 /// Longest step, rad and share of the distance.
 const MAX_STEP: f64 = 0.3;
@@ -104,7 +104,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> LabelInference<'a, F> {
             }
             last_mean = increment.mean;
             let squared_sigmas = increment.mean.dot(&information.solve(&increment.mean));
-            let step = clamped(&(increment.mean * damping), &state.pose);
+            let step = clamped(&(increment.mean * damping), &state.pose, MAX_STEP);
             let pose = self.step(&state.pose, &step, squared_sigmas, noise.label);
             self.samples.retract(&state.pose.local_coordinates(&pose));
             let log_evidence = log_evidence + self.samples.inactive_log_probability();
@@ -151,8 +151,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> LabelInference<'a, F> {
         let log_posterior =
             |pose: &Pose| log_likelihood(regions, pose, label_sigma, stride) + (self.prior)(pose).offset;
         let least = log_posterior(from) - MAX_DROP;
-        let poses = (0..MAX_HALVINGS).map(|halving| from.retract(&(step * DAMPING.powi(halving as i32))));
-        poses.into_iter().find(|pose| log_posterior(pose) >= least).unwrap_or(*from)
+        backtracked(from, step, MAX_HALVINGS, |pose| log_posterior(pose) >= least).unwrap_or(*from)
     }
 }
 
@@ -162,9 +161,4 @@ fn start_prior(start: &Pose, pose: &Pose) -> Gaussian {
     let [rotation, translation] = [START_SIGMA, START_SIGMA * distance];
     let sigmas = Vector6::new(rotation, rotation, rotation, translation, translation, translation);
     Gaussian::from_sigmas(&pose.local_coordinates(start), &sigmas)
-}
-
-/// An increment no longer than the longest step.
-fn clamped(increment: &Tangent, pose: &Pose) -> Tangent {
-    increment * (MAX_STEP / size(increment, pose)).min(1.0)
 }
