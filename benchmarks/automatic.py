@@ -10,6 +10,7 @@ likeliest other place, the verdict, and seconds. Kinds of problems:
     thinned     every second, and every fourth ring of a scanner of 64
     degraded    photos blurred, darkened, cropped
     focal       focal lengths 10 and 3 % too short and too long
+    mount       heading known to 20 degrees
     starts      started within 10 deg and 0.25 m of the true pose, and within 20 deg and 1.5 m, as papers do: mean and
                 root mean square errors by axis
 
@@ -32,6 +33,7 @@ from pathlib import Path
 import numpy as np
 import regionpose as rp
 from regionpose.cameras.matrix import MatrixCamera
+from scipy.spatial.transform import Rotation
 
 from benchmarks.real_frames import (
     DEGRADATIONS,
@@ -48,10 +50,11 @@ from benchmarks.real_frames import (
 )
 from benchmarks.real_scenes import DEFAULT_DATA
 
-KINDS = ("single", "rigs", "mismatched", "thinned", "degraded", "focal", "starts")
+KINDS = ("single", "rigs", "mismatched", "thinned", "degraded", "focal", "mount", "starts")
 FACTORS = (0.9, 0.97, 1.03, 1.1)
 RIG_SIZES = (2, 3, 5)
 UP_SIGMA_DEG = 3.0
+MOUNT_SIGMA_DEG = 20.0
 RIGHT_DEG, RIGHT_M = 1.0, 0.3
 MOST_SIGMAS = 3.0
 STARTS = 10
@@ -97,6 +100,20 @@ def prior_of(capture: Capture) -> rp.Prior:
     """What a user would say of a frame."""
     return rp.Prior(
         camera_near=capture.scanner, camera_near_sigma_m=capture.near_m, up=capture.up, up_sigma_deg=UP_SIGMA_DEG
+    )
+
+
+def mounted(capture: RealFrame) -> rp.Prior:
+    """What a user would say of a frame whose heading is known roughly: here by one of its true heading's deviations."""
+    turn = Rotation.from_rotvec(np.radians(MOUNT_SIGMA_DEG) * np.asarray(capture.up) / np.linalg.norm(capture.up))
+    rotation = capture.truth.rotation * turn
+    initial = rp.Pose(rotation, -rotation.apply(np.asarray(capture.scanner)))
+    return rp.Prior(
+        up=capture.up,
+        up_sigma_deg=UP_SIGMA_DEG,
+        initial=initial,
+        initial_rotation_sigma_deg=MOUNT_SIGMA_DEG,
+        initial_center_sigma_m=capture.near_m,
     )
 
 
@@ -149,6 +166,8 @@ def rows(frames: Sequence[RealFrame], kinds: Sequence[str], count: int) -> Itera
             for frame, camera in zoomable:
                 other = replace(frame, camera=camera.zoomed(factor))
                 yield solved(f"focal x {factor:g}", frame.name, [other], frame.truth)[0]
+    if "mount" in kinds:
+        yield from (solved("mount", frame.name, [frame], frame.truth, mounted(frame))[0] for frame in frames)
     if "starts" in kinds:
         yield from started(frames)
 

@@ -137,6 +137,9 @@ class Projection:
     def __new__(cls, size: Sequence[float], project: Callable[[NDArray[np.float64]], ArrayLike]) -> Projection:
         """Of an image of `size` (width, height), pixels; `project` takes bearings (n, 3) to pixels (n, 2)."""
 
+    def zoomed(self, factor: float, principal: ArrayLike) -> Projection:
+        """That of the camera with focal lengths multiplied by a factor and its principal point at a pixel (2,)."""
+
     def project(self, bearings: ArrayLike) -> NDArray[np.float64]:
         """Pixels (n, 2) of bearings (n, 3), NaN where the camera sees none."""
 
@@ -152,9 +155,11 @@ class CloudEdges:
         gap: float,
         step_fraction: float,
         shades: NDArray[np.float64] | None = None,
+        axes: ArrayLike | None = None,
+        angle: float = ...,
     ) -> CloudEdges:
         """Of points (n, 3) from a place (3,); `cell`, `gap`, rad; `step_fraction` of the inverse distance; `shades`
-        (n,).
+        (n,); within an `angle`, rad, of `axes` (m, 3).
         """
 
     def __len__(self) -> int: ...
@@ -202,8 +207,21 @@ class Density:
     def student(rotation: ArrayLike, translation: ArrayLike, covariance: ArrayLike) -> Density:
         """Student's about a pose, of a covariance (6, 6) of its left increment."""
 
+    def distinct_poses(self, frames: Sequence[AlignmentFrame]) -> float:
+        """How many of its poses the widest spread of the edges of frames distinguishes."""
+
     def log_at(self, rotation: ArrayLike, translation: ArrayLike) -> float:
         """The logarithm of the density at a pose."""
+
+@final
+class LocalWeights:
+    """Weights of frames by spread, by null poses about a pose."""
+
+    def __new__(cls, frames: Sequence[AlignmentFrame], rotation: ArrayLike, translation: ArrayLike) -> LocalWeights: ...
+    def maximum(
+        self, frames: Sequence[AlignmentFrame], density: Density, rotation: ArrayLike, translation: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float, float, int] | None:
+        """The maximum of the posterior to which a start leads, as one of `search_poses`; None without information."""
 
 def search_poses(
     frames: Sequence[AlignmentFrame],

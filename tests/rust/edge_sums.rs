@@ -6,7 +6,7 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Matrix6, Rotation3, Vector2, Vector3, Vector6};
 use regionpose::Error;
 use regionpose::Pose;
-use regionpose::internals::alignment::cloud_edges::{CloudEdges, EdgeOptions};
+use regionpose::internals::alignment::cloud_edges::{CloudEdges, EdgeOptions, Thinning};
 use regionpose::internals::alignment::density::PoseDensity;
 use regionpose::internals::alignment::frame::{Frame, MOST_EDGES, PhotoView, SPREADS};
 use regionpose::internals::alignment::pictures::{DIRECTIONS, LogRatios};
@@ -157,7 +157,7 @@ fn sums_are_those_taken_edge_by_edge() {
     let frame = pinhole_frame(&edges);
     let mut random = Random::new(3);
     for (spread, reduction) in REDUCTIONS.into_iter().enumerate() {
-        let (held, picture) = (edges.thinned(MOST_EDGES[spread]), Reduced::new(reduction));
+        let (held, picture) = (edges.thinned(&Thinning::to(MOST_EDGES[spread], edges.len())), Reduced::new(reduction));
         let mut all = 0;
         for _ in 0..20 {
             let pose = pose(&mut random);

@@ -71,7 +71,7 @@ def _projected_edges(photo: Photo, edges: EdgeFrame, pose: Pose) -> tuple[Array,
     edge there.
     """
     local = pose.rebase(edges.origin)
-    frame = edges.visible_from(local.camera_center, with_regions=False)
+    frame = edges.visible_from(local.camera_center, [local], with_regions=False)
     places, directions = frame.project_edges(local.rotation.as_matrix(), local.translation)
     columns, rows = np.round(places).astype(np.int64).T
     height, width = photo.luminance.shape

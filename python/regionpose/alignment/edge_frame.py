@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -26,6 +27,13 @@ Array = NDArray[np.float64]
 MOST_POINTS = 20_000
 """Most points of which a median distance is taken."""
 
+FIELD_MARGIN_DEG = 12.0
+"""How far beyond a photo's field edges are looked for: by what poses are refined, and by what focal lengths that are a
+fifth shorter show more of, 6 degrees beside a field of 90."""
+
+LEAST_LOG_FOCAL = -0.25
+"""The logarithm of the shortest focal lengths over the given ones: below all that are compared."""
+
 REDUCTIONS = (8, 4, 2, 1)
 """Pixels over which pictures are averaged, by spread: half a spread, between which they are interpolated."""
 
@@ -48,22 +56,27 @@ class EdgeFrame:
         """The whole photo with the edges that are visible from the origin."""
         return self._made(None)
 
-    def visible_from(self, center: Array, *, with_regions: bool = True) -> _core.AlignmentFrame:
-        """The photo with the edges that are visible from a center (3,), about the origin; pixels of regions can be left
-        out: they are the regions' evidence.
+    def visible_from(
+        self, center: Array, poses: Sequence[Pose], *, margin_deg: float = FIELD_MARGIN_DEG, with_regions: bool = True
+    ) -> _core.AlignmentFrame:
+        """The photo with the edges that are seen from a center (3,), where cameras look whose poses are some degrees
+        from these, all about the origin; what regions show can be left out of it: that is evidence of theirs.
         """
         check_wanted()
         frame = self.core if with_regions else self._core_beside_regions
-        return frame.with_edges(self._edges(center))
+        angle = self._half_field + np.radians(margin_deg)
+        axes = np.array([pose.rotation.as_matrix()[2] for pose in poses])
+        return frame.with_edges(self._edges(center, axes, float(angle)))
 
     def zoomed(self, frame: _core.AlignmentFrame, log_focal: float) -> _core.AlignmentFrame:
         """One of these frames as a camera of longer focal lengths would have it, by their logarithm over the given
-        ones.
+        ones, at least `LEAST_LOG_FOCAL`.
         """
-        camera = self.camera
-        if not (isinstance(camera, MatrixCamera) and log_focal):
-            return frame
-        return frame.with_projection(*self._projection(camera.zoomed(float(np.exp(log_focal)))))
+        camera, photo = self.camera, self._frame.photo
+        assert isinstance(camera, MatrixCamera)
+        (principal,) = photo.places(np.array([[camera.cx, camera.cy]]))
+        projection = self._widest_projection.zoomed(float(np.exp(log_focal - LEAST_LOG_FOCAL)), principal)
+        return frame.with_projection(projection, half_field(camera.zoomed(float(np.exp(log_focal))), photo))
 
     @property
     def camera(self) -> Camera:
@@ -120,10 +133,21 @@ class EdgeFrame:
         return projection, half_field(camera, photo)
 
     @cached_property
+    def _widest_projection(self) -> _core.Projection:
+        """That of a camera with the shortest focal lengths, which has bearings of all that longer ones show."""
+        camera = self.camera
+        assert isinstance(camera, MatrixCamera)
+        return self._projection(camera.zoomed(float(np.exp(LEAST_LOG_FOCAL))))[0]
+
+    @cached_property
+    def _half_field(self) -> float:
+        return half_field(self.camera, self._frame.photo)
+
+    @cached_property
     def _near_edges(self) -> _core.CloudEdges:
         return self._edges(np.zeros(3))
 
-    def _edges(self, center: Array) -> _core.CloudEdges:
-        """The edges all around a center (3,), about the origin."""
+    def _edges(self, center: Array, axes: Array | None = None, angle: float = np.pi) -> _core.CloudEdges:
+        """The edges around a center (3,), about the origin, within an angle, rad, of axes (n, 3)."""
         cell, gap = cell_and_gap(self.camera, self._frame.photo, len(self._points), 4.0 * np.pi)
-        return _core.CloudEdges(self._points, center, cell, gap, EDGE_FRACTION, self._frame.intensity)
+        return _core.CloudEdges(self._points, center, cell, gap, EDGE_FRACTION, self._frame.intensity, axes, angle)

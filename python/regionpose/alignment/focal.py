@@ -16,7 +16,7 @@ from regionpose.alignment.edge_frame import EdgeFrame
 from regionpose.alignment.explanations import is_covariance
 from regionpose.alignment.hypotheses import Hypothesis
 from regionpose.alignment.odds import SHARED_ERROR_PRIOR
-from regionpose.alignment.pose_search import Density, log_mass
+from regionpose.alignment.pose_search import Density
 from regionpose.cameras.matrix import MatrixCamera
 from regionpose.geometry.pose import Pose
 from regionpose.progress import Progress, part, with_progress
@@ -38,8 +38,9 @@ GROUPS = ((-7, -6, -5, -4), (-3, -2, -1), (1, 2, 3), (4, 5, 6, 7))
 """Which of the widest steps are tried, a fifth up and down, as another setting of a zoom lens or a data sheet may
 be off; those of a group by the edges that are visible from the pose in its middle."""
 
-NEARBY_M = 0.1
-"""Distance within which a camera is taken to see the same edges: what they move by is less than focal lengths do."""
+NEARBY_M, NEARBY_DEG = 0.1, 2.0
+"""Distance and turn within which a camera is taken to see the same edges: what they move by is less than focal lengths
+do, and what it sees is within the margin of the field."""
 
 CLOSER = 3
 """How many of them, the likeliest, are refined."""
@@ -53,6 +54,7 @@ class ByFocal:
 
     frames: Sequence[EdgeFrame]
     about: Prior | PoseEstimate
+    pose: Pose
 
     @classmethod
     def of(
@@ -64,33 +66,48 @@ class ByFocal:
         if not all(isinstance(frame.camera, MatrixCamera) for frame in frames):
             return None
         if best.solution is None or regions is None:
-            return cls(frames, prior)
-        return cls(frames, regions) if is_covariance(regions.covariance) else None
+            return cls(frames, prior, best.pose)
+        return cls(frames, regions, best.pose) if is_covariance(regions.covariance) else None
 
     def visible_at(self, pose: Pose) -> list[_core.AlignmentFrame]:
-        """The frames with the edges that are visible at a pose, or from nearby."""
-        center = pose.rebase(self.frames[0].origin).camera_center
-        for known, cores in self._visible:
-            if np.linalg.norm(known - center) < NEARBY_M:
+        """The frames with the edges that are seen at a pose, or from nearby."""
+        local = pose.rebase(self.frames[0].origin)
+        for known, cores in self._viewed:
+            turned_deg = np.degrees((local.rotation * known.rotation.inv()).magnitude())
+            if np.linalg.norm(known.camera_center - local.camera_center) < NEARBY_M and turned_deg < NEARBY_DEG:
                 return cores
-        cores = [frame.visible_from(center, with_regions=isinstance(self.about, Prior)) for frame in self.frames]
-        self._visible.append((center, cores))
+        whole = isinstance(self.about, Prior)
+        cores = [frame.visible_from(local.camera_center, [local], with_regions=whole) for frame in self.frames]
+        self._viewed.append((local, cores))
         return cores
 
     @cached_property
-    def _visible(self) -> list[tuple[Array, list[_core.AlignmentFrame]]]:
-        """Viewpoints of edges that were found, with their frames."""
+    def _viewed(self) -> list[tuple[Pose, list[_core.AlignmentFrame]]]:
+        """Poses at which edges were detected, and these."""
         return []
 
-    def maxima(
+    def maximum(
         self, cores: Sequence[_core.AlignmentFrame], log_focal: float, start: Pose, spread: int = 3
-    ) -> list[EdgeMode]:
-        """Those that the descent from a start reaches with focal lengths of this logarithm over the given ones, by
-        edges no finer than a spread, by its number.
+    ) -> EdgeMode | None:
+        """The one that a start leads to with focal lengths of this logarithm over the given ones, by edges no finer
+        than a spread, by its number. All are by the same weights: what these are off by decides nothing.
         """
         pairs = zip(self.frames, cores, strict=True)
         zoomed = [frame.zoomed(core.at_spread(spread), log_focal) for frame, core in pairs]
-        return self._density(log_focal).maxima(zoomed, [start])
+        return self._density(log_focal).maximum(zoomed, start, self._weights(spread))
+
+    def _weights(self, spread: int) -> _core.LocalWeights:
+        """Weights of edges no finer than a spread, with the given focal lengths at the best pose."""
+        if spread not in self._made_weights:
+            cores, local = self.visible_at(self.pose), self.pose.rebase(self.frames[0].origin)
+            coarse = [core.at_spread(spread) for core in cores]
+            self._made_weights[spread] = _core.LocalWeights(coarse, local.rotation.as_matrix(), local.translation)
+        return self._made_weights[spread]
+
+    @cached_property
+    def _made_weights(self) -> dict[int, _core.LocalWeights]:
+        """Weights by spread."""
+        return {}
 
     def _density(self, log_focal: float) -> Density:
         origin, about = self.frames[0].origin, self.about
@@ -108,22 +125,22 @@ class ByFocal:
 
 
 def focal_evidence(by_focal: ByFocal, best: Hypothesis, progress: Progress | None = None) -> FocalEvidence:
-    """The edges' evidence of the focal lengths of the camera of all frames."""
+    """What the edges show of the focal lengths of the camera of all frames."""
     cores = by_focal.visible_at(best.pose)
     shift = _derivative(by_focal, cores, best)
-    way, given = np.nan_to_num(shift), _gain(by_focal.maxima(cores, 0.0, best.pose))
+    way, given = np.nan_to_num(shift), _gain(by_focal.maximum(cores, 0.0, best.pose))
 
-    found: dict[float, list[EdgeMode]] = {}
+    found: dict[float, EdgeMode | None] = {}
     for numbers, _ in with_progress(GROUPS, part(progress, 0.0, 0.6)):
         # Longer focal lengths move the camera, which then sees other edges.
         middle = best.pose.retract(float(np.mean(numbers)) * STEPS[0] * way)
         there = by_focal.visible_at(middle)
         for step in (number * STEPS[0] for number in numbers):
-            found[step] = by_focal.maxima(there, step, best.pose.retract(step * way), 2)
+            found[step] = by_focal.maximum(there, step, best.pose.retract(step * way), 2)
     gains: dict[float, float] = {}
     likeliest = sorted(found, key=lambda step: _gain(found[step]), reverse=True)[:CLOSER]
     for step, _ in with_progress(likeliest, part(progress, 0.6, 1.0)):
-        gains |= {each: gain - given for each, gain in _closer(by_focal, step, found[step]).items()}
+        gains |= _closer(by_focal, step, found[step], given)
     factor = max(gains, key=lambda step: gains[step], default=0.0)
     count = len(found) * STEPS[0] / STEPS[2]
     prior = np.log(1.0 - SHARED_ERROR_PRIOR) - np.log(SHARED_ERROR_PRIOR / count)
@@ -131,26 +148,28 @@ def focal_evidence(by_focal: ByFocal, best: Hypothesis, progress: Progress | Non
     return FocalEvidence(log_odds, float(np.exp(factor)) if gains.get(factor, 0.0) > 0.0 else 1.0, 0.01 * shift)
 
 
-def _gain(modes: Sequence[EdgeMode]) -> float:
-    """Logarithm of the odds of maxima and chance over chance: less likely than that they decide nothing."""
-    return float(np.logaddexp(0.0, log_mass(modes)))
+def _gain(mode: EdgeMode | None) -> float:
+    """Logarithm of the odds of a maximum and chance over chance: less likely than that it decides nothing."""
+    return 0.0 if mode is None else float(np.logaddexp(0.0, mode.log_mass))
 
 
-def _closer(by_focal: ByFocal, log_focal: float, modes: Sequence[EdgeMode]) -> dict[float, float]:
-    """Gains by the finest edges about a logarithm of the focal lengths, by coarse maxima there and the edges that are
-    visible from these.
+def _closer(by_focal: ByFocal, log_focal: float, mode: EdgeMode | None, given: float) -> dict[float, float]:
+    """By how much the finest edges about a logarithm of the focal lengths exceed a gain of the given ones, by coarse
+    maxima there and the edges that are seen from these.
     """
-    if not modes:
+    if mode is None:
         return {}
-    pose, cores = modes[0].pose, by_focal.visible_at(modes[0].pose)
-    middles = {
-        log_focal + sign * STEPS[1]: by_focal.maxima(cores, log_focal + sign * STEPS[1], pose, 2) for sign in (-1, 0, 1)
-    }
+    cores = by_focal.visible_at(mode.pose)
+    steps = [log_focal + sign * STEPS[1] for sign in (-1, 0, 1)]
+    middles = {step: by_focal.maximum(cores, step, mode.pose, 2) for step in steps}
     middle = max(middles, key=lambda each: _gain(middles[each]))
-    if not middles[middle]:
+    coarse = middles[middle]
+    if coarse is None:
         return {}
-    pose = middles[middle][0].pose
-    return {each: _gain(by_focal.maxima(cores, each, pose)) for each in (middle - STEPS[2], middle, middle + STEPS[2])}
+    # Other edges are seen from elsewhere, and some of them agree better whatever the focal lengths.
+    given = max(given, _gain(by_focal.maximum(cores, 0.0, by_focal.pose)))
+    ends = (middle - STEPS[2], middle, middle + STEPS[2])
+    return {each: _gain(by_focal.maximum(cores, each, coarse.pose)) - given for each in ends}
 
 
 def _derivative(by_focal: ByFocal, cores: Sequence[_core.AlignmentFrame], best: Hypothesis) -> Array:
@@ -158,8 +177,6 @@ def _derivative(by_focal: ByFocal, cores: Sequence[_core.AlignmentFrame], best: 
     if best.mode is None:
         return by_focal.shift
     steps = (-FOCAL_STEP, FOCAL_STEP)
-    ends = [by_focal.maxima(cores, step, best.pose.retract(step * by_focal.shift)) for step in steps]
-    if not all(ends):
-        return np.full(6, np.nan)
-    low, high = (best.pose.local_coordinates(modes[0].pose) for modes in ends)
-    return np.asarray((high - low) / (2.0 * FOCAL_STEP))
+    ends = [by_focal.maximum(cores, step, best.pose.retract(step * by_focal.shift)) for step in steps]
+    low, high = (None if mode is None else best.pose.local_coordinates(mode.pose) for mode in ends)
+    return np.full(6, np.nan) if low is None or high is None else np.asarray((high - low) / (2.0 * FOCAL_STEP))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from regionpose import _core
-from regionpose.alignment.edge_frame import EdgeFrame
+from regionpose.alignment.edge_frame import FIELD_MARGIN_DEG, EdgeFrame
 from regionpose.geometry.pose import Pose
 from regionpose.progress import Progress, check_wanted, part, with_progress
 from regionpose.solve.edge_diagnostics import EdgeMode
@@ -21,15 +21,24 @@ from regionpose.solve.prior import Prior
 
 Array = NDArray[np.float64]
 
-DRAWS, KEPT = 60_000, (2_000, 400, 64)
-"""Poses that are drawn from the prior, and how many of the best by each spread are maximized at the next one. Measured:
-of eight frames of four scanners, heading unknown, 200,000 and (6,000, 800, 64) find no other one, in 2.5 times the
-time.
+DRAWS_PER_POSE = 40
+"""Poses that are drawn for each that the widest spread distinguishes. Measured: of 18 frames of five scanners whose
+headings are known to 20 degrees, 5,000 to 20,000 draws find all that 60,000 do, and one more
+(`python -m benchmarks.automatic --kinds mount`)."""
+
+MOST_DRAWS, MOST_KEPT = 60_000, (2_000, 400, 64)
+"""Poses that are drawn from a wide prior, and how many of the best by each spread are maximized at the next one; fewer
+of these in proportion where fewer are drawn. Measured: of eight frames of four scanners, heading unknown, 200,000 and
+(6,000, 800, 64) find no other one, in 2.5 times the time.
 """
 
-LOCAL_DRAWS, LOCAL_KEPT = 2_000, (100, 25, 8)
-"""The same about a pose that is known roughly, where the edges of few draws are farther than a spread from right
-ones."""
+LEAST_DRAWS, LEAST_KEPT = 2_000, (100, 25, 8)
+"""The same of a narrow prior and about a pose that is known roughly, where the edges of few draws are farther than a
+spread from right ones.
+"""
+
+MOST_SIGMAS = 3.0
+"""Turns beyond which edges are not looked for, of poses about a given one: by deviations of that."""
 
 FRAMES_MADE, MAXIMA_FOUND, EDGES_MADE = 0.07, 0.82, 0.3
 """Fractions of a search's time at which its frames are made and its maxima found, and of the rest at which the edges
@@ -51,13 +60,20 @@ def search_prior(
     density = Density.of_prior(prior, frames[0].origin)
     cores = [frame.core for frame, _ in with_progress(frames, part(progress, 0.0, FRAMES_MADE))]
     local, drawn = [start.rebase(density.origin) for start in starts], part(progress, FRAMES_MADE, MAXIMA_FOUND)
-    modes = density.modes(cores, local, DRAWS, KEPT, drawn)
+    modes = density.modes(cores, local, *draws_of(density.core.distinct_poses(cores)), drawn)
 
-    def visible_from(center: Array) -> list[_core.AlignmentFrame]:
-        return [frame.visible_from(center) for frame in frames]
+    def visible_at(poses: Sequence[Pose]) -> list[_core.AlignmentFrame]:
+        return [frame.visible_from(poses[0].camera_center, poses) for frame in frames]
 
-    modes = _with_updated_edges(modes, density, visible_from, np.zeros(3), part(progress, MAXIMA_FOUND, 1.0))
+    modes = _with_updated_edges(modes, density, visible_at, np.zeros(3), part(progress, MAXIMA_FOUND, 1.0))
     return _in_world(modes, density.origin)
+
+
+def draws_of(distinct_poses: float) -> tuple[int, list[int]]:
+    """How many poses are drawn from a prior of so many distinct ones, and how many of them are kept by spread."""
+    draws = min(max(int(DRAWS_PER_POSE * distinct_poses), LEAST_DRAWS), MOST_DRAWS)
+    share = draws / MOST_DRAWS
+    return draws, [max(round(share * most), least) for most, least in zip(MOST_KEPT, LEAST_KEPT, strict=True)]
 
 
 def search_about(
@@ -68,37 +84,48 @@ def search_about(
     """
     local = pose.rebase(density.origin)
 
-    def visible_from(center: Array) -> list[_core.AlignmentFrame]:
-        return [frame.visible_from(center, with_regions=False) for frame in frames]
+    def visible_at(poses: Sequence[Pose]) -> list[_core.AlignmentFrame]:
+        center = poses[0].camera_center
+        return [frame.visible_from(center, poses, margin_deg=margin_deg, with_regions=False) for frame in frames]
 
-    about = part(progress, 0.0, MAXIMA_FOUND)
-    modes = density.modes(visible_from(local.camera_center), [local], LOCAL_DRAWS, LOCAL_KEPT, about)
-    modes = _with_updated_edges(modes, density, visible_from, local.camera_center, part(progress, MAXIMA_FOUND, 1.0))
+    about, margin_deg = part(progress, 0.0, MAXIMA_FOUND), FIELD_MARGIN_DEG + MOST_SIGMAS * density.rotation_sigma_deg
+    modes = density.modes(visible_at([local]), [local], LEAST_DRAWS, LEAST_KEPT, about)
+    modes = _with_updated_edges(modes, density, visible_at, local.camera_center, part(progress, MAXIMA_FOUND, 1.0))
     return _in_world(modes, density.origin)
 
 
 class Density(NamedTuple):
-    """A density of poses; `origin` (3,): the place of the world about which the core has it."""
+    """A density of poses; `origin` (3,): the place of the world about which the core has it; `rotation_sigma_deg`: of
+    the least certain axis, 180 where any rotation may be.
+    """
 
     core: _core.Density
     origin: Array
+    rotation_sigma_deg: float
 
     @classmethod
     def of_prior(cls, prior: Prior, origin: Array) -> Density:
-        """That of a prior; ValueError for one without a position of the camera."""
-        return cls(_core.Density.of_prior(prior.rebase(origin).core), origin)
+        """That of a prior; ValueError for one that says nothing of where the camera stands."""
+        known = prior.initial_rotation_sigma_deg
+        return cls(_core.Density.of_prior(prior.rebase(origin).core), origin, 180.0 if known is None else known)
 
     @classmethod
     def student(cls, pose: Pose, covariance: Array, origin: Array) -> Density:
         """Student's about a pose whose covariance (6, 6) is known but roughly."""
-        local = pose.rebase(origin)
-        return cls(_core.Density.student(local.rotation.as_matrix(), local.translation, covariance), origin)
+        local, largest = pose.rebase(origin), float(np.linalg.eigvalsh(covariance[:3, :3])[-1])
+        core = _core.Density.student(local.rotation.as_matrix(), local.translation, covariance)
+        return cls(core, origin, float(np.degrees(np.sqrt(largest))))
 
-    def maxima(self, frames: Sequence[_core.AlignmentFrame], starts: Sequence[Pose]) -> list[EdgeMode]:
-        """The maxima of the posterior of the pose that frames share to which the descent converges from starts, that
-        of the largest mass first; poses of the world.
+    def maximum(
+        self, frames: Sequence[_core.AlignmentFrame], start: Pose, weights: _core.LocalWeights
+    ) -> EdgeMode | None:
+        """The maximum of the posterior to which a start leads by weights, a pose of the world; None where photos show
+        no edge.
         """
-        return _in_world(self.modes(frames, [start.rebase(self.origin) for start in starts]), self.origin)
+        check_wanted()
+        local = start.rebase(self.origin)
+        found = weights.maximum(list(frames), self.core, local.rotation.as_matrix(), local.translation)
+        return next(iter(_in_world(_modes_of([] if found is None else [found]), self.origin)), None)
 
     def modes(
         self,
@@ -119,20 +146,24 @@ class Density(NamedTuple):
 
         report(0.0)
         given = [(start.rotation.as_matrix(), start.translation) for start in starts]
-        most = list(kept or (len(starts),) * len(KEPT))
+        most = list(kept or (len(starts),) * len(LEAST_KEPT))
         found = _core.search_poses(list(frames), self.core, given, draws, most, progress=report)
         report(1.0)
-        # Where photos show no edge, the prior is all that is known.
-        return [
-            EdgeMode(Pose(Rotation.from_matrix(rotation), translation), covariance, mass, ratio, edges)
-            for rotation, translation, covariance, mass, ratio, edges in found
-            if edges
-        ]
+        return _modes_of(found)
 
 
 def log_mass(modes: Sequence[EdgeMode]) -> float:
     """Logarithm of the mass of all modes together."""
     return float(np.logaddexp.reduce([mode.log_mass for mode in modes])) if modes else -np.inf
+
+
+def _modes_of(found: Sequence[tuple[Array, Array, Array, float, float, int]]) -> list[EdgeMode]:
+    """Those of the core that a photo shows edges at: elsewhere the prior is all that is known."""
+    return [
+        EdgeMode(Pose(Rotation.from_matrix(rotation), translation), covariance, mass, ratio, edges)
+        for rotation, translation, covariance, mass, ratio, edges in found
+        if edges
+    ]
 
 
 def _in_world(modes: Sequence[EdgeMode], origin: Array) -> list[EdgeMode]:
@@ -143,7 +174,7 @@ def _in_world(modes: Sequence[EdgeMode], origin: Array) -> list[EdgeMode]:
 def _with_updated_edges(
     modes: list[EdgeMode],
     density: Density,
-    visible_from: Callable[[Array], Sequence[_core.AlignmentFrame]],
+    visible_at: Callable[[Sequence[Pose]], Sequence[_core.AlignmentFrame]],
     center: Array,
     progress: Progress | None = None,
 ) -> list[EdgeMode]:
@@ -152,6 +183,6 @@ def _with_updated_edges(
     """
     if not modes or np.linalg.norm(modes[0].pose.camera_center - center) < EDGE_UPDATE_M:
         return modes
-    frames = visible_from(modes[0].pose.camera_center)
-    updated = density.modes(frames, [mode.pose for mode in modes], progress=part(progress, EDGES_MADE, 1.0))
-    return max(modes, updated, key=log_mass)
+    poses = [mode.pose for mode in modes]
+    anew = density.modes(visible_at(poses), poses, progress=part(progress, EDGES_MADE, 1.0))
+    return max(modes, anew, key=log_mass)

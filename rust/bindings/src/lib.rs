@@ -34,7 +34,9 @@ mod _core {
         spherical_moments,
     };
     #[pymodule_export]
-    use crate::pose_search::{AlignmentFrame, CloudEdges, Density, Projection, edge_spreads, search_poses};
+    use crate::pose_search::{
+        AlignmentFrame, CloudEdges, Density, LocalWeights, Projection, edge_spreads, search_poses,
+    };
     #[pymodule_export]
     use crate::poses::{retract_pose, rotation_confidence};
     #[pymodule_export]

@@ -1,5 +1,6 @@
 //! The search of a pose by the edges of photos and clouds.
 
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 use nalgebra::{Vector2, Vector3};
@@ -7,7 +8,7 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArr
 use pyo3::exceptions::{PyKeyboardInterrupt, PyValueError};
 use pyo3::prelude::*;
 use regionpose::Error;
-use regionpose::internals::alignment::cloud_edges::{self, EdgeOptions};
+use regionpose::internals::alignment::cloud_edges::{self, EdgeField, EdgeOptions};
 use regionpose::internals::alignment::density::PoseDensity;
 use regionpose::internals::alignment::frame::{FINEST, Frame, PhotoView, SPREADS, SPREADS_PX};
 use regionpose::internals::alignment::pictures::LogRatios;
@@ -17,7 +18,7 @@ use regionpose::internals::alignment::search::{self, SearchOptions, SearchProgre
 use regionpose::internals::budget;
 
 use crate::arrays::{array, covariance, matrix, points, pose, rotation, translation, value_error, vector};
-use crate::interrupts::watched_threads;
+use crate::interrupts::{detached, watched_threads};
 use crate::prior::Prior;
 
 /// The projection of a camera as a table over a cube of bearings.
@@ -43,6 +44,11 @@ impl Projection {
         projection::Projection::new(size, pixels).map(Self).map_err(|Failure(error)| error)
     }
 
+    /// The projection of the same camera with focal lengths multiplied by a factor and its principal point at a pixel (2,).
+    fn zoomed(&self, factor: f64, principal: [f64; 2]) -> Self {
+        Self(self.0.zoomed(factor, &principal.into()))
+    }
+
     /// Pixels (n, 2) of bearings (n, 3), NaN where the camera sees none.
     fn project<'py>(&self, py: Python<'py>, bearings: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let project = |bearing: &Vector3<f64>| self.0.pixel_of(bearing).unwrap_or(Vector2::repeat(f64::NAN));
@@ -63,15 +69,17 @@ impl From<Error> for Failure {
 /// Edges of a cloud in the world, as seen from a place: where surfaces end, and where their shade changes.
 ///
 /// `points` (n, 3), world coordinates, meters; those that are not finite are left out. `place` (3,). `cell`, rad: of points whose
-/// bearings differ by less the nearest hides the others. `gap`, rad: neighbors farther apart are none. `step_fraction`: how far an edge
-/// goes beyond the plane of the near side, as a fraction of the inverse distance. `shades` (n,) on any scale. ValueError for other shapes.
+/// bearings differ by less the nearest hides the others. `gap`, rad: neighbors farther apart are none. `step_fraction`: how far an edge goes
+/// beyond the plane of the near side, as a fraction of the inverse distance. `shades` (n,) on any scale. `axes` (m, 3), unit vectors: edges
+/// are detected within an `angle`, rad, of one of them; all around for None. ValueError for other shapes.
 #[pyclass(frozen, module = "regionpose._core")]
 pub struct CloudEdges(cloud_edges::CloudEdges);
 
 #[pymethods]
 impl CloudEdges {
     #[new]
-    #[pyo3(signature = (points, place, cell, gap, step_fraction, shades=None))]
+    #[pyo3(signature = (points, place, cell, gap, step_fraction, shades=None, axes=None, angle=PI))]
+    #[allow(clippy::too_many_arguments)]
     fn new(
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
@@ -80,12 +88,18 @@ impl CloudEdges {
         gap: f64,
         step_fraction: f64,
         shades: Option<PyReadonlyArray1<'_, f64>>,
+        axes: Option<&Bound<'_, PyAny>>,
+        angle: f64,
     ) -> PyResult<Self> {
         crate::alignment::check_angles(cell, gap)?;
+        let field = match axes {
+            Some(axes) => EdgeField { axes: self::points::<3>("axes", axes)?, angle },
+            None => EdgeField::whole(),
+        };
         let (points, place) = (self::points::<3>("points", points)?, vector("place", place)?);
         let shades = crate::alignment::shades_of(shades, points.len())?;
         let options = EdgeOptions { cell, gap, step_fraction };
-        Ok(Self(py.detach(|| cloud_edges::CloudEdges::new(&points, shades.as_deref(), &place, &options))))
+        Ok(Self(py.detach(|| cloud_edges::CloudEdges::within(&points, shades.as_deref(), &place, &options, &field))))
     }
 
     fn __len__(&self) -> usize {
@@ -197,6 +211,12 @@ impl Density {
         PoseDensity::student(pose(rotation, translation)?, &self::covariance(covariance)?).map(Self).ok_or_else(refused)
     }
 
+    /// How many of its poses the widest spread of the edges of frames distinguishes.
+    fn distinct_poses(&self, py: Python<'_>, frames: Vec<PyRef<'_, AlignmentFrame>>) -> PyResult<f64> {
+        let frames = frames_of(&frames);
+        detached(py, || search::distinct_poses(&frames, &self.0, None))?.map_err(value_error)
+    }
+
     /// The logarithm of the density at a pose.
     fn log_at(&self, rotation: &Bound<'_, PyAny>, translation: &Bound<'_, PyAny>) -> PyResult<f64> {
         Ok(self.0.at(&pose(rotation, translation)?).value)
@@ -226,7 +246,7 @@ pub fn search_poses<'py>(
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<ModeArrays<'py>>> {
-    let frames: Vec<Frame> = frames.iter().map(|frame| frame.0.clone()).collect();
+    let frames = frames_of(&frames);
     let starts =
         starts.iter().map(|(rotation, translation)| pose(rotation, translation)).collect::<PyResult<Vec<_>>>()?;
     let options = SearchOptions { draws, kept, threads };
@@ -237,17 +257,54 @@ pub fn search_poses<'py>(
         budget::cancellable(stop.clone(), search)
     })?;
     let found = found.ok_or_else(|| PyKeyboardInterrupt::new_err(()))?.map_err(value_error)?;
-    let arrays = |mode: &Mode| {
-        Ok((
-            rotation(py, &mode.pose)?,
-            translation(py, &mode.pose),
-            matrix(py, mode.covariance.iter().copied().collect(), [6, 6])?,
-            mode.log_mass,
-            mode.log_ratio,
-            mode.edges,
-        ))
-    };
-    found.iter().map(arrays).collect()
+    found.iter().map(|mode| arrays_of(py, mode)).collect()
+}
+
+fn arrays_of<'py>(py: Python<'py>, mode: &Mode) -> PyResult<ModeArrays<'py>> {
+    Ok((
+        rotation(py, &mode.pose)?,
+        translation(py, &mode.pose),
+        matrix(py, mode.covariance.iter().copied().collect(), [6, 6])?,
+        mode.log_mass,
+        mode.log_ratio,
+        mode.edges,
+    ))
+}
+
+/// Weights of frames by spread, by null poses about a pose.
+#[pyclass(frozen, module = "regionpose._core")]
+pub struct LocalWeights(search::LocalWeights);
+
+#[pymethods]
+impl LocalWeights {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        frames: Vec<PyRef<'_, AlignmentFrame>>,
+        rotation: &Bound<'_, PyAny>,
+        translation: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let (frames, pose) = (frames_of(&frames), pose(rotation, translation)?);
+        detached(py, || search::LocalWeights::about(&frames, &pose)).map(Self)
+    }
+
+    /// The maximum of the posterior to which a start leads by these weights; None where no direction is certain.
+    fn maximum<'py>(
+        &self,
+        py: Python<'py>,
+        frames: Vec<PyRef<'py, AlignmentFrame>>,
+        density: &Density,
+        rotation: &Bound<'py, PyAny>,
+        translation: &Bound<'py, PyAny>,
+    ) -> PyResult<Option<ModeArrays<'py>>> {
+        let (frames, start) = (frames_of(&frames), pose(rotation, translation)?);
+        let found = detached(py, || self.0.maximum(&frames, &density.0, &start))?;
+        found.map(|mode| arrays_of(py, &mode)).transpose()
+    }
+}
+
+fn frames_of(frames: &[PyRef<'_, AlignmentFrame>]) -> Vec<Frame> {
+    frames.iter().map(|frame| frame.0.clone()).collect()
 }
 
 /// The spreads of edges, pixels, from wide to narrow.

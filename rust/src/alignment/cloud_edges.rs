@@ -1,6 +1,7 @@
 //! Edges of a cloud as points of the world, in groups that a camera sees or not as a whole.
 
 use std::array;
+use std::f64::consts::PI;
 
 use nalgebra::Vector3;
 
@@ -31,12 +32,62 @@ pub struct EdgeOptions {
     pub step_fraction: f64,
 }
 
+/// Cones of bearings within which edges are detected, as of cameras.
+#[derive(Debug, Clone)]
+pub struct EdgeField {
+    /// Axes of the cones, unit vectors of the world.
+    pub axes: Vec<Vector3<f64>>,
+    /// Half the angle at their tips, rad.
+    pub angle: f64,
+}
+
+impl EdgeField {
+    /// All bearings.
+    pub fn whole() -> Self {
+        Self { axes: Vec::new(), angle: PI }
+    }
+
+    /// Whether a point relative to the tips lies within a cone, at a distance.
+    fn contains(&self, point: &Vector3<f64>, distance: f64) -> bool {
+        let least = self.angle.cos() * distance;
+        self.angle >= PI || self.axes.iter().any(|axis| axis.dot(point) >= least)
+    }
+}
+
+/// By how much edges are thinned: as many are kept of each part of a cloud, however large that is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Thinning {
+    of: usize,
+    kept: usize,
+}
+
+impl Thinning {
+    /// To at most so many of a number of edges.
+    pub fn to(most: usize, count: usize) -> Self {
+        Self { of: count.max(1), kept: count.clamp(1, most.max(1)) }
+    }
+}
+
 impl CloudEdges {
     /// The edges of points (world coordinates, meters), and of their shades if there are any, as seen from a place.
     pub fn new(points: &[Vector3<f64>], shades: Option<&[f64]>, place: &Vector3<f64>, options: &EdgeOptions) -> Self {
+        Self::within(points, shades, place, options, &EdgeField::whole())
+    }
+
+    /// The same of the points that are seen within a field.
+    pub fn within(
+        points: &[Vector3<f64>],
+        shades: Option<&[f64]>,
+        place: &Vector3<f64>,
+        options: &EdgeOptions,
+        field: &EdgeField,
+    ) -> Self {
         let local: Vec<_> = points.iter().map(|point| point - place).collect();
         // What is left out hides nothing, either; a point in the center is none.
-        let beyond = |point: &Vector3<f64>| if point.norm() > LEAST_DISTANCE { *point } else { Vector3::zeros() };
+        let beyond = |point: &Vector3<f64>| {
+            let distance = point.norm();
+            if distance > LEAST_DISTANCE && field.contains(point, distance) { *point } else { Vector3::zeros() }
+        };
         let visible = VisiblePoints::new(&local.iter().map(beyond).collect::<Vec<_>>(), options.cell, options.gap);
         let mut steps = visible.depth_steps(options.step_fraction);
         steps.extend(shades.map_or(Vec::new(), |shades| visible.shade_steps(shades, options.step_fraction)));
@@ -67,10 +118,10 @@ impl CloudEdges {
         (self.middles[edge], self.across[edge])
     }
 
-    /// At most so many of them, spread evenly over the order in which they were found, which is that of their bearings.
-    pub fn thinned(&self, most: usize) -> Self {
-        let count = self.len().min(most);
-        let chosen = (0..count).map(|index| index * self.len() / count.max(1));
+    /// Some of them, spread evenly over the order in which they were found, which is that of their bearings.
+    pub fn thinned(&self, thinning: &Thinning) -> Self {
+        let Thinning { of, kept } = *thinning;
+        let chosen = (0..(self.len() * kept).div_ceil(of)).map(|index| index * of / kept);
         let (middles, across) = chosen.map(|index| (self.middles[index], self.across[index])).unzip();
         Self { middles, across }
     }
@@ -240,8 +291,8 @@ mod tests {
         }
 
         #[test]
-        fn thinned_edges_are_some_of_them_in_order(edges in edges(), most in 0..300_usize) {
-            let thinned = edges.thinned(most);
+        fn thinned_edges_are_some_of_them_in_order(edges in edges(), most in 1..300_usize) {
+            let thinned = edges.thinned(&Thinning::to(most, edges.len()));
             prop_assert_eq!(thinned.len(), edges.len().min(most));
             let mut rest = edges.middles.iter();
             prop_assert!(thinned.middles.iter().all(|middle| rest.any(|other| other == middle)));

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix6, SVector, Vector2, Vector3, Vector6};
 
-use super::cloud_edges::{CloudEdges, EdgeGroup, GroupedEdges};
+use super::cloud_edges::{CloudEdges, EdgeGroup, GroupedEdges, Thinning};
 use super::groups::{Floats, GROUP, Numbers, ZEROS, total};
 use super::pictures::{LogRatios, directions_of};
 use super::projection::{Pixels, Places, Projection};
@@ -30,6 +30,8 @@ pub const FINEST: usize = SPREADS - 1;
 pub struct Frame {
     view: PhotoView,
     edges: [Arc<GroupedEdges>; SPREADS],
+    /// Of edges as dense as those of the whole cloud.
+    thinnings: [Thinning; SPREADS],
     origin: Vector3<f64>,
 }
 
@@ -45,15 +47,15 @@ pub struct PhotoView {
 }
 
 impl Frame {
-    /// The frame of a photo and a cloud's edges; sums are taken about an `origin` of the world, near the scanner.
+    /// The frame of a photo and the edges of a cloud all around; sums are taken about an `origin` of the world, near the scanner.
     pub fn new(view: PhotoView, edges: &CloudEdges, origin: Vector3<f64>) -> Self {
-        let grouped = MOST_EDGES.map(|most| Arc::new(GroupedEdges::new(&edges.thinned(most), &origin)));
-        Self { view, edges: grouped, origin }
+        let thinnings = MOST_EDGES.map(|most| Thinning::to(most, edges.len()));
+        Self { view, edges: grouped(edges, &thinnings, &origin), thinnings, origin }
     }
 
-    /// The same photo with other edges.
+    /// The same photo with other edges of the cloud, of parts of it as many as before.
     pub fn with_edges(&self, edges: &CloudEdges) -> Self {
-        Self::new(self.view.clone(), edges, self.origin)
+        Self { edges: grouped(edges, &self.thinnings, &self.origin), ..self.clone() }
     }
 
     /// The same photo and edges as another camera has them; `half_field` as of [`PhotoView`].
@@ -67,7 +69,7 @@ impl Frame {
         let number = |spread: usize| spread.min(coarsest);
         let pictures = std::array::from_fn(|spread| self.view.pictures[number(spread)].clone());
         let edges = std::array::from_fn(|spread| self.edges[number(spread)].clone());
-        Self { view: PhotoView { pictures, ..self.view.clone() }, edges, origin: self.origin }
+        Self { view: PhotoView { pictures, ..self.view.clone() }, edges, ..*self }
     }
 
     /// The sum of log likelihood ratios under the edges that a camera at a pose sees, by the number of the spread, as if edges were
@@ -97,6 +99,11 @@ impl Frame {
         let (sine, cosine) = self.view.half_field.sin_cos();
         [cosine, sine]
     }
+}
+
+/// Edges in groups by spread, thinned.
+fn grouped(edges: &CloudEdges, thinnings: &[Thinning; SPREADS], origin: &Vector3<f64>) -> [Arc<GroupedEdges>; SPREADS] {
+    thinnings.each_ref().map(|thinning| Arc::new(GroupedEdges::new(&edges.thinned(thinning), origin)))
 }
 
 /// The sum of log likelihood ratios at a pose, how many edges the photo shows, and how many were evaluated.

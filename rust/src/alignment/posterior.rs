@@ -140,6 +140,13 @@ impl Posterior<'_> {
     pub fn metric(&self, pose: &Pose) -> Matrix6<f64> {
         Local::new(self, *pose).squares / SPREADS_PX[self.spread].powi(2)
     }
+
+    /// The volume of the prior's deviations about a pose over that of those in which the edges of a frame move by less than a spread.
+    pub fn distinct_poses(&self, pose: &Pose) -> f64 {
+        let prior = regular(&self.density.at(pose).information);
+        let moved = self.metric(pose) / self.frames.len().max(1) as f64;
+        ((prior + moved).determinant() / prior.determinant()).sqrt()
+    }
 }
 
 /// Information added along every direction, rad^-2 and m^-2: that of a uniform angle, and of a kilometer.

@@ -116,6 +116,21 @@ impl Projection {
         Ok(Self { count: cells, faces, cells: joined })
     }
 
+    /// The table of the same camera with focal lengths multiplied by a factor and its principal point at a pixel; of larger ones no
+    /// pixel is left out.
+    pub fn zoomed(&self, factor: f64, principal: &Vector2<f64>) -> Self {
+        let factor = factor as f32;
+        let offsets = [principal.x, principal.y].map(|place| place as f32 * (1.0 - factor));
+        let zoomed = |cell: &Cell| {
+            let mut coefficients = cell.0.map(|along| along.map(|value| value * factor));
+            for (along, offset) in coefficients.iter_mut().zip(offsets) {
+                along[0] += offset;
+            }
+            Cell(coefficients)
+        };
+        Self { cells: self.cells.iter().map(zoomed).collect(), ..*self }
+    }
+
     /// Points at which bearings meet the cube.
     #[inline(always)]
     pub(super) fn places(&self, [xs, ys, zs]: &[Floats; 3]) -> Places {

@@ -76,13 +76,31 @@ const FAR_TURN: f64 = 0.2;
 /// Turns of null poses from drawn ones, rad: beyond what a pose may be off, to like parts of the photo.
 const TURNED: [f64; 2] = [3.0 / 180.0 * PI, 8.0 / 180.0 * PI];
 
-/// Number of null poses, of all directions and about one pose: they estimate a variance to a tenth, and to an eighth.
+/// Number of null poses, of all directions and about one pose: they estimate a variance to a tenth, and to an eighth; for a ranking to a
+/// quarter.
 const NULLS: usize = 256;
 const LOCAL_NULLS: usize = 128;
 const RANKING_NULLS: usize = 32;
 
 /// By how many deviations the sums of true poses exceed those of wrong ones: by 2 to 6 on frames of cars, at spreads of 16 and 8 pixels.
 const SEPARATION: f64 = 3.0;
+
+/// Poses of a density whose volumes are looked at: a median to a tenth.
+const VOLUMES: usize = 128;
+
+/// How many poses of a density the widest spread distinguishes: the volume of its deviations over that of moves of the edges by a spread,
+/// `sqrt(det(L + A / spread^2) / det L)` with the density's information `L` and the mean squares of moves `A`, the median over its draws.
+///
+/// # Errors
+/// When threads cannot be started.
+pub fn distinct_poses(frames: &[Frame], density: &PoseDensity, threads: Option<usize>) -> Result<f64> {
+    let sampler = Sampler::new(density.clone());
+    let posterior = Posterior { frames, weights: vec![Weight::Tempered(0.0); frames.len()], spread: 0, density };
+    let numbers: Vec<usize> = (0..VOLUMES).collect();
+    let mut volumes = mapped(&numbers, threads, |number| posterior.distinct_poses(&drawn(&sampler, *number)))?;
+    volumes.sort_by(f64::total_cmp);
+    Ok(volumes[VOLUMES / 2])
+}
 
 /// The maxima of the posterior of the pose that frames share, that of the largest mass first, from nothing but a density of poses and some
 /// `starts`.
@@ -108,7 +126,9 @@ pub fn search_with_progress(
     progress.begin(expected);
     let pass_missing = |step: usize, poses: usize| progress.pass(step, expected[step].saturating_sub(poses));
     let sampler = Sampler::new(density.clone());
-    let nulls: Vec<Pose> = (0..NULLS).map(|number| base(&sampler, starts, options.draws, number)).collect();
+    // What few starts lead to is not compared with drawn poses.
+    let nulls = if options.draws == 0 { NULLS.min(RANKING_NULLS * starts.len().max(1)) } else { NULLS };
+    let nulls: Vec<Pose> = (0..nulls).map(|number| base(&sampler, starts, options.draws, number)).collect();
     let numbers: Vec<usize> = (0..options.draws).collect();
     let threads = options.threads;
     // Draws are evenly spread, and ranked alone: maxima by the widest spread may be a degree off.
@@ -153,6 +173,29 @@ pub fn search_with_progress(
     let apart = distinct(&whole, scored, modes.len(), threads)?;
     let at = |pose: &Pose| modes.iter().find(|mode| mode.pose == *pose).copied();
     Ok(apart.iter().filter_map(at).collect())
+}
+
+/// Weights of frames by spread, by null poses about one pose: maxima that are compared by the same weights are not compared by the
+/// errors of these.
+#[derive(Debug, Clone)]
+pub struct LocalWeights([Vec<Weight>; FINEST]);
+
+impl LocalWeights {
+    /// Those about a pose, of all spreads but the widest.
+    pub fn about(frames: &[Frame], pose: &Pose) -> Self {
+        let sums = |count, spread| Sums::here(frames, &turned(&vec![*pose; count]), spread);
+        Self(std::array::from_fn(|number| match number + 1 {
+            FINEST => tempering_weights(&sums(LOCAL_NULLS, FINEST)),
+            spread => log_odds_weights(&sums(RANKING_NULLS, spread)),
+        }))
+    }
+
+    /// The maximum of the posterior to which a start leads, from coarse to fine spreads.
+    pub fn maximum(&self, frames: &[Frame], density: &PoseDensity, start: &Pose) -> Option<Mode> {
+        let at = |spread: usize| Posterior { frames, weights: self.0[spread - 1].clone(), spread, density };
+        let pose = (1..=FINEST).fold(*start, |pose, spread| at(spread).maximum(&pose).0);
+        at(FINEST).mode(&pose)
+    }
 }
 
 /// Non-maximum suppression: the likeliest poses, at most `most`, that differ by more than [`APART`].

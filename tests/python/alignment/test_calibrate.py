@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 KNOWN = rp.Prior(camera_near=[0.0, 0.0, 0.0], camera_near_sigma_m=0.5, up=[0.0, 0.0, 1.0], up_sigma_deg=3.0)
 """Of the camera, whose heading is not known."""
 
-MOST_DEG, MOST_M, SIGMAS = 0.3, 0.1, 4.0
+MOST_DEG, MOST_M, SIGMAS = 0.35, 0.1, 4.0
 """What a pose may be off by, and in its own standard deviations."""
 
 FAR = np.array([500_000.0, 4_200_000.0, 120.0])

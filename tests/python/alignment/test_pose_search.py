@@ -11,6 +11,7 @@ import regionpose as rp
 from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.cameras import Camera
+from regionpose.cameras.matrix import MatrixCamera
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
@@ -78,6 +79,18 @@ def test_what_a_table_shows_is_what_its_camera_shows(name: str) -> None:
     assert (apart < TABLE_PX).mean() > 0.99
 
 
+@pytest.mark.parametrize("name", ["pinhole with distortion", "rational", "fisheye"])
+def test_a_zoomed_table_projects_as_the_zoomed_camera(name: str) -> None:
+    camera = CAMERAS[name]
+    assert isinstance(camera, MatrixCamera)
+    widest = table_of(camera.zoomed(0.8))
+    for factor in (0.8, 0.97, 1.0, 1.2):
+        zoomed = camera.zoomed(factor)
+        pixels = random_pixels(zoomed, 0.0)
+        found = widest.zoomed(factor / 0.8, CENTER).project(zoomed.bearings(pixels))
+        assert np.abs(found - pixels).max() < TABLE_PX * factor / 0.8
+
+
 def test_nothing_is_seen_at_bearings_that_are_none() -> None:
     for camera in CAMERAS.values():
         none = table_of(camera).project([[0.0, 0.0, 0.0], [np.nan, 0.0, 1.0], [np.inf, np.inf, np.inf]])
@@ -131,6 +144,16 @@ def test_edges_are_where_surfaces_end_and_where_shades_change() -> None:
     assert 60 < len(by_depth) < len(by_both)
     assert len(edges_of(points[points[:, 2] > 5.0])) < len(by_depth)
     assert len(edges_of(points + 1e3, place=[1e3, 1e3, 1e3])) == pytest.approx(len(by_depth), rel=0.05)
+
+
+def test_edges_are_detected_within_an_angle_of_given_axes() -> None:
+    points, shades = plates()
+    whole = len(edges_of(points, shades))
+    assert len(_core.CloudEdges(points, np.zeros(3), 0.005, 0.02, 0.1, shades, [[0.0, 0.0, 1.0]], 1.2)) == whole
+    # The half of the card's border that lies to the right of its middle.
+    beside = _core.CloudEdges(points, np.zeros(3), 0.005, 0.02, 0.1, None, [[1.0, 0.0, 0.0]], np.pi / 2 - 0.1)
+    assert 0 < len(beside) < 0.7 * len(edges_of(points))
+    assert len(_core.CloudEdges(points, np.zeros(3), 0.005, 0.02, 0.1, shades, [[0.0, 0.0, -1.0]], 1.0)) == 0
 
 
 def test_points_that_are_not_finite_have_no_edges() -> None:

@@ -19,7 +19,6 @@ from diagnostics import edges_of
 from made_up_worlds import World, pose_of
 from pick_sessions import holds
 from PIL import Image
-from regionpose.alignment import pose_search
 from regionpose.app.frames import Frames
 from regionpose.app.outcome import Outcome
 from regionpose.app.prior_settings import PriorSettings
@@ -307,7 +306,7 @@ def test_a_search_can_be_stopped_and_taken_up_again(
 
 
 def test_a_page_that_is_closed_ends_its_search(drive: Path, searches: list[str], monkeypatch: Any) -> None:
-    monkeypatch.setattr(pose_search, "DRAWS", 3_000_000)
+    draw_fewer(monkeypatch, 3_000_000)
     shared = SharedSession(session_of(drive))
     assert holds(lambda: searches == ["begun"])
     time.sleep(1.0)

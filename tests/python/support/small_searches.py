@@ -14,8 +14,7 @@ def two_worlds() -> list[World]:
 
 def draw_fewer(monkeypatch: pytest.MonkeyPatch, draws: int = 1_000, kept: tuple[int, ...] = (40, 12, 4)) -> None:
     """Draw so many poses from a prior, and keep so many of the best by each spread; try few focal lengths."""
-    monkeypatch.setattr(pose_search, "DRAWS", draws)
-    monkeypatch.setattr(pose_search, "KEPT", kept)
+    monkeypatch.setattr(pose_search, "draws_of", lambda _: (draws, kept))
     try_fewer_focal_lengths(monkeypatch)
 
 

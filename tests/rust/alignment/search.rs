@@ -6,16 +6,18 @@ use std::sync::{Arc, LazyLock};
 
 use nalgebra::{Matrix6, Rotation3, Vector2, Vector3, Vector6};
 use regionpose::internals::alignment::blur::blurred;
-use regionpose::internals::alignment::cloud_edges::{CloudEdges, EdgeOptions};
+use regionpose::internals::alignment::cloud_edges::{CloudEdges, EdgeField, EdgeOptions, Thinning};
 use regionpose::internals::alignment::density::PoseDensity;
 use regionpose::internals::alignment::frame::{FINEST, Frame, PhotoView, SPREADS, SPREADS_PX};
 use regionpose::internals::alignment::pictures::{DIRECTIONS, LogRatios};
 use regionpose::internals::alignment::posterior::{Mode, Posterior, Weight};
 use regionpose::internals::alignment::projection::Projection;
-use regionpose::internals::alignment::search::{SearchOptions, SearchProgress, search, search_with_progress};
+use regionpose::internals::alignment::search::{
+    LocalWeights, SearchOptions, SearchProgress, distinct_poses, search, search_with_progress,
+};
 use regionpose::internals::budget;
 use regionpose::internals::geometry::pose::Tangent;
-use regionpose::{Error, Pose, Prior};
+use regionpose::{Error, Pose, PoseSigma, Prior};
 
 use crate::support::random::Random;
 
@@ -205,6 +207,73 @@ fn assert_finite(modes: &[Mode]) {
     }
 }
 
+/// Poses that the widest spread distinguishes of those about the true one.
+fn distinct_about_truth(frames: &[Frame], rotation: f64, place: f64) -> f64 {
+    let prior = Prior::default().with_initial(truth(), Some(PoseSigma { rotation, place })).unwrap();
+    distinct_poses(frames, &PoseDensity::of_prior(&prior).unwrap(), Some(2)).unwrap()
+}
+
+/// In the limits: one pose of a narrow prior, and a volume that grows with the product of all deviations.
+#[test]
+fn distinct_poses_are_a_volume_of_the_prior() {
+    let frames = &*FRAMES;
+    let narrow = distinct_about_truth(&frames[..1], 1e-4, 1e-4);
+    assert!(narrow > 1.0 && narrow < 1.001, "{narrow}");
+    // Of what the photo sees at the true pose: directions in which edges move by sigma times their derivative.
+    let (squares, _) = frames[0].visible_from(&truth(), 0).square_moves(&truth());
+    let sigmas = Vector6::new(0.02, 0.02, 0.02, 0.05, 0.05, 0.05);
+    let scaled = Matrix6::from_fn(|row, column| squares[(row, column)] * sigmas[row] * sigmas[column]);
+    let expected = (Matrix6::identity() + scaled / SPREADS_PX[0].powi(2)).determinant().sqrt();
+    let found = distinct_about_truth(&frames[..1], 0.02, 0.05);
+    assert!((found / expected).ln().abs() < 0.1, "{found}, expected {expected}");
+    // A second frame of the rig distinguishes no more poses: the mean of both.
+    let [one, other] = [0, 1].map(|frame| distinct_about_truth(&frames[frame..=frame], 0.1, 0.3));
+    let both = distinct_about_truth(frames, 0.1, 0.3);
+    assert!(both > 0.9 * one.min(other) && both < 1.3 * one.max(other), "{both} of {one} and {other}");
+}
+
+/// By weights of its own null poses a start leads to what the search finds from it, and by those about a pose beside it to a maximum at
+/// the same place, whose mass differs by the weights' errors alone.
+#[test]
+fn a_maximum_by_given_weights_is_that_of_the_search() {
+    let (frames, density) = (&FRAMES[..1], near_density());
+    let beside = |turn: f64| truth().retract(&Vector6::new(0.0, turn, 0.0, 0.02, 0.0, 0.0));
+    let found = search(frames, &density, &[beside(0.003)], &SearchOptions { draws: 0, ..OPTIONS }).unwrap()[0];
+    for at in [beside(0.003), beside(0.02)] {
+        let mode = LocalWeights::about(frames, &at).maximum(frames, &density, &beside(0.003)).unwrap();
+        assert!((mode.log_mass / found.log_mass - 1.0).abs() < 0.3, "{} {}", mode.log_mass, found.log_mass);
+        assert!(pixels_off(&FRAMES[0], &mode.pose) < 1.5 && mode.edges == found.edges, "{mode:?}");
+    }
+    let none = frames[0].with_edges(&nothing());
+    let weights = LocalWeights::about(&[none.clone()], &truth());
+    assert_eq!(weights.maximum(&[none], &density, &truth()).unwrap().edges, 0);
+}
+
+/// Edges within the field of a camera are those of the whole cloud there, as dense as these are.
+#[test]
+fn edges_within_a_field_are_those_of_the_whole_cloud() {
+    let points = scan(&blocks(101));
+    let whole = CloudEdges::new(&points, None, &Vector3::zeros(), &DETECTION);
+    let axis = truth().rotation.inverse() * Vector3::z();
+    let field = EdgeField { axes: vec![axis], angle: 0.6 };
+    let within = CloudEdges::within(&points, None, &Vector3::zeros(), &DETECTION, &field);
+    let inside = |edges: &CloudEdges, angle: f64| {
+        let middles = (0..edges.len()).map(|edge| edges.at(edge).0);
+        middles.filter(|middle| middle.normalize().dot(&axis) > angle.cos()).collect::<Vec<_>>()
+    };
+    // A gap from the border of the field, neighbors are missing.
+    assert_eq!(inside(&within, 0.6 - 2.0 * DETECTION.gap), inside(&whole, 0.6 - 2.0 * DETECTION.gap));
+    assert!(within.len() < whole.len() / 4 && !within.is_empty());
+    let frame = &FRAMES[0];
+    for spread in 0..SPREADS {
+        let (of_whole, of_within) =
+            (frame.log_ratio(&truth(), spread), frame.with_edges(&within).log_ratio(&truth(), spread));
+        // As many of both are drawn, but not the same ones.
+        let (few, many) = (of_whole.1.min(of_within.1) as f64, of_whole.1.max(of_within.1) as f64);
+        assert!(many - few < 4.0 * many.sqrt(), "{few} {many}");
+    }
+}
+
 fn nothing() -> CloudEdges {
     CloudEdges::new(&[], None, &Vector3::zeros(), &DETECTION)
 }
@@ -324,7 +393,8 @@ fn few_edges_or_none_leave_the_prior() {
     let anywhere = [nowhere, somewhere].map(|prior| PoseDensity::of_prior(&prior).unwrap());
     let student = PoseDensity::student(truth(), &(Matrix6::identity() * 1e-4)).unwrap();
     let options = SearchOptions { draws: 100, kept: [10, 8, 6], threads: Some(1) };
-    for edges in [nothing(), edges.thinned(1), edges.thinned(2), edges.thinned(40)] {
+    let thinned = |most: usize| edges.thinned(&Thinning::to(most, edges.len()));
+    for edges in [nothing(), thinned(1), thinned(2), thinned(40)] {
         let frames = [frame.with_edges(&edges)];
         for density in [&near_density(), &student, &anywhere[0], &anywhere[1]] {
             for frames in [&frames[..], &[frames[0].clone(), frame.clone()], &[]] {
