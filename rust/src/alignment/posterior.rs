@@ -142,7 +142,7 @@ impl Posterior<'_> {
     }
 
     /// The volume of the prior's deviations about a pose over that of those in which the edges of a frame move by less than a spread.
-    pub fn distinct_poses(&self, pose: &Pose) -> f64 {
+    pub(super) fn distinct_poses(&self, pose: &Pose) -> f64 {
         let prior = regular(&self.density.at(pose).information);
         let moved = self.metric(pose) / self.frames.len().max(1) as f64;
         ((prior + moved).determinant() / prior.determinant()).sqrt()

@@ -34,7 +34,7 @@ QUICK = f"""
 import sys
 from regionpose.alignment import focal, pose_search
 from regionpose.cli import main
-pose_search.DRAWS, pose_search.KEPT = {QUICK_DRAWS}
+pose_search.draws_of = lambda _: {QUICK_DRAWS}
 focal.GROUPS, focal.CLOSER = ((-1,), (1,)), 1
 sys.exit(main())
 """
