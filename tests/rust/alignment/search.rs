@@ -220,7 +220,7 @@ fn distinct_poses_are_a_volume_of_the_prior() {
     let narrow = distinct_about_truth(&frames[..1], 1e-4, 1e-4);
     assert!(narrow > 1.0 && narrow < 1.001, "{narrow}");
     // Of what the photo sees at the true pose: directions in which edges move by sigma times their derivative.
-    let (squares, _) = frames[0].visible_from(&truth(), 0).square_moves(&truth());
+    let (squares, _) = frames[0].visible_edges(&truth(), 0).square_moves(&truth());
     let sigmas = Vector6::new(0.02, 0.02, 0.02, 0.05, 0.05, 0.05);
     let scaled = Matrix6::from_fn(|row, column| squares[(row, column)] * sigmas[row] * sigmas[column]);
     let expected = (Matrix6::identity() + scaled / SPREADS_PX[0].powi(2)).determinant().sqrt();
