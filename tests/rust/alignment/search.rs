@@ -255,15 +255,15 @@ fn edges_within_a_field_are_those_of_the_whole_cloud() {
     let points = scan(&blocks(101));
     let whole = CloudEdges::new(&points, None, &Vector3::zeros(), &DETECTION);
     let axis = truth().rotation.inverse() * Vector3::z();
-    let field = EdgeField { axes: vec![axis], angle: 0.6 };
+    let field = EdgeField { axes: vec![axis], angle: 0.9 };
     let within = CloudEdges::within(&points, None, &Vector3::zeros(), &DETECTION, &field);
     let inside = |edges: &CloudEdges, angle: f64| {
         let middles = (0..edges.len()).map(|edge| edges.at(edge).0);
         middles.filter(|middle| middle.normalize().dot(&axis) > angle.cos()).collect::<Vec<_>>()
     };
     // A gap from the border of the field, neighbors are missing.
-    assert_eq!(inside(&within, 0.6 - 2.0 * DETECTION.gap), inside(&whole, 0.6 - 2.0 * DETECTION.gap));
-    assert!(within.len() < whole.len() / 4 && !within.is_empty());
+    assert_eq!(inside(&within, 0.9 - 2.0 * DETECTION.gap), inside(&whole, 0.9 - 2.0 * DETECTION.gap));
+    assert!(within.len() < whole.len() / 2 && !within.is_empty());
     let frame = &FRAMES[0];
     for spread in 0..SPREADS {
         let (of_whole, of_within) =
