@@ -12,6 +12,7 @@ __all__ = [
     "CloudEdges",
     "Density",
     "Estimate",
+    "LocalWeights",
     "Minimum",
     "ObservedRegion",
     "Prior",
