@@ -222,7 +222,7 @@ class LocalWeights:
     def maximum(
         self, frames: Sequence[AlignmentFrame], density: Density, rotation: ArrayLike, translation: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float, float, int] | None:
-        """The maximum of the posterior to which a start leads, as one of `search_poses`; None without information."""
+        """The maximum of the posterior reached from a start, as one of `search_poses`; None without information."""
 
 def search_poses(
     frames: Sequence[AlignmentFrame],

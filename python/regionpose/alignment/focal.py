@@ -89,7 +89,7 @@ class ByFocal:
     def maximum(
         self, cores: Sequence[_core.AlignmentFrame], log_focal: float, start: Pose, spread: int = 3
     ) -> EdgeMode | None:
-        """The one that a start leads to with focal lengths of this logarithm over the given ones, by edges no finer
+        """The one reached from a start with focal lengths of this logarithm over the given ones, by edges no finer
         than a spread, by its number. All are by the same weights: what these are off by decides nothing.
         """
         pairs = zip(self.frames, cores, strict=True)

@@ -185,5 +185,5 @@ def _with_updated_edges(
     if not modes or np.linalg.norm(modes[0].pose.camera_center - center) < EDGE_UPDATE_M:
         return modes
     poses = [mode.pose for mode in modes]
-    anew = density.modes(visible_at(poses), poses, progress=part(progress, EDGES_MADE, 1.0))
-    return max(modes, anew, key=log_mass)
+    updated = density.modes(visible_at(poses), poses, progress=part(progress, EDGES_MADE, 1.0))
+    return max(modes, updated, key=log_mass)

@@ -288,7 +288,7 @@ impl LocalWeights {
         detached(py, || search::LocalWeights::about(&frames, &pose)).map(Self)
     }
 
-    /// The maximum of the posterior to which a start leads by these weights; None where no direction is certain.
+    /// The maximum of the posterior reached from a start by these weights; None where no direction is certain.
     fn maximum<'py>(
         &self,
         py: Python<'py>,

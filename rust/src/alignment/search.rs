@@ -126,7 +126,7 @@ pub fn search_with_progress(
     progress.begin(expected);
     let pass_missing = |step: usize, poses: usize| progress.pass(step, expected[step].saturating_sub(poses));
     let sampler = Sampler::new(density.clone());
-    // What few starts lead to is not compared with drawn poses.
+    // Maxima of few starts are not compared with drawn poses.
     let nulls = if options.draws == 0 { NULLS.min(RANKING_NULLS * starts.len().max(1)) } else { NULLS };
     let nulls: Vec<Pose> = (0..nulls).map(|number| base(&sampler, starts, options.draws, number)).collect();
     let numbers: Vec<usize> = (0..options.draws).collect();
@@ -190,7 +190,7 @@ impl LocalWeights {
         }))
     }
 
-    /// The maximum of the posterior to which a start leads, from coarse to fine spreads.
+    /// The maximum of the posterior reached from a start, from coarse to fine spreads.
     pub fn maximum(&self, frames: &[Frame], density: &PoseDensity, start: &Pose) -> Option<Mode> {
         let at = |spread: usize| Posterior { frames, weights: self.0[spread - 1].clone(), spread, density };
         let pose = (1..=FINEST).fold(*start, |pose, spread| at(spread).maximum(&pose).0);

@@ -232,7 +232,7 @@ fn distinct_poses_are_a_volume_of_the_prior() {
     assert!(both > 0.9 * one.min(other) && both < 1.3 * one.max(other), "{both} of {one} and {other}");
 }
 
-/// By weights of its own null poses a start leads to what the search finds from it, and by those about a pose beside it to a maximum at
+/// By weights of its own null poses the ascent ends where the search ends, and by those about a pose beside it at a maximum at
 /// the same place, whose mass differs by the weights' errors alone.
 #[test]
 fn a_maximum_by_given_weights_is_that_of_the_search() {
