@@ -245,7 +245,7 @@ fn a_maximum_by_given_weights_is_that_of_the_search() {
         assert!(pixels_off(&FRAMES[0], &mode.pose) < 1.5 && mode.edges == found.edges, "{mode:?}");
     }
     let none = frames[0].with_edges(&nothing());
-    let weights = LocalWeights::about(&[none.clone()], &truth());
+    let weights = LocalWeights::about(std::slice::from_ref(&none), &truth());
     assert_eq!(weights.maximum(&[none], &density, &truth()).unwrap().edges, 0);
 }
 
