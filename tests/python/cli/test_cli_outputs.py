@@ -137,9 +137,13 @@ def started(scene: Path, out: Path) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", "regionpose", "estimate", str(scene), "--out", str(out), *waiting.ARGUMENTS]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=waiting.FOLDER)
     end = time.monotonic() + START_S
-    while not list(out.glob(".regionpose-*")) and process.poll() is None and time.monotonic() < end:
+
+    def has_claimed() -> bool:
+        return any(claim.stat().st_size for claim in out.glob(".regionpose-*/claim"))
+
+    while not has_claimed() and process.poll() is None and time.monotonic() < end:
         time.sleep(0.05)
-    assert list(out.glob(".regionpose-*")), "nothing claimed"
+    assert has_claimed(), "nothing claimed"
     return process
 
 
