@@ -139,6 +139,9 @@ def find_planes(
 
 def _distinct(cloud: Array) -> tuple[Indices, Indices]:
     """The first point of each place of a cloud (n, 3), ascending, and which of these each point (n,) is."""
+    if len(np.unique(cloud[:, 0])) == len(cloud):
+        # As of most clouds that are not rounded; found in a fiftieth of the time.
+        return np.arange(len(cloud)), np.arange(len(cloud))
     _, first, number = np.unique(cloud, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
     rank = np.empty_like(order)
