@@ -35,8 +35,9 @@
 //! - `alignment`: the pose of a camera by the edges of photos and clouds;
 //! - `batch`: many problems on a pool of threads by `in_parallel`;
 //! - `mesh`: triangulated regions and outlines of points; without it [`Integration::Mesh`] is refused;
-//! - `serde`: [`Pose`], [`Prior`], [`Options`], [`Estimate`] and [`Warning`] are serialized, and checked where they are read. An
-//!   estimate may have deviations that are infinite or not a number, which JSON has no form for.
+//! - `serde`: [`Pose`], [`Prior`], [`Options`], [`Estimate`] and [`Warning`] are serialized; poses and priors are checked
+//!   where they are read, and options for unknown fields. An estimate may have deviations that are infinite or not a number, which
+//!   JSON has no form for.
 #![forbid(unsafe_code)]
 
 #[cfg(feature = "alignment")]

@@ -45,7 +45,7 @@ pub enum Refinement {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(default))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 #[must_use]
 #[non_exhaustive]
 pub struct Options {
@@ -99,7 +99,7 @@ impl Default for Options {
 /// (`docs/math.md`, section 10).
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(default))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 #[must_use]
 #[non_exhaustive]
 pub struct FrameSigma {
@@ -151,7 +151,7 @@ impl Default for FrameSigma {
 /// Largest standard deviations with which a pose is trusted, along its weakest axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(default))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 #[must_use]
 #[non_exhaustive]
 pub struct Limits {

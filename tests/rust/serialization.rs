@@ -60,6 +60,8 @@ fn options_that_are_not_given_are_the_default() {
     let options = options.with_frame_sigma(FrameSigma::ZERO).with_limits(Limits::default().with_rotation(0.1));
     assert_eq!(again(&options), options);
     assert_eq!(from_value::<Options>(json!({})).unwrap(), Options::default());
+    assert!(from_value::<Options>(json!({ "refine": "Off" })).is_err(), "an unknown field");
+    assert!(from_value::<Options>(json!({ "limits": { "turn": 0.1 } })).is_err(), "an unknown field");
     let rotation = from_value::<Options>(json!({ "limits": { "rotation": 0.1 } })).unwrap();
     assert_eq!(rotation, Options::default().with_limits(Limits::default().with_rotation(0.1)));
 }

@@ -11,6 +11,7 @@ use regionpose::Error;
 use regionpose::internals::alignment::cloud_edges::{self, EdgeField, EdgeOptions};
 use regionpose::internals::alignment::density::PoseDensity;
 use regionpose::internals::alignment::frame::{FINEST, Frame, PhotoView, SPREADS, SPREADS_PX};
+use regionpose::internals::alignment::null_poses;
 use regionpose::internals::alignment::pictures::LogRatios;
 use regionpose::internals::alignment::posterior::Mode;
 use regionpose::internals::alignment::projection;
@@ -69,9 +70,10 @@ impl From<Error> for Failure {
 /// Edges of a cloud in the world, as seen from a place: where surfaces end, and where their shade changes.
 ///
 /// `points` (n, 3), world coordinates, meters; those that are not finite are left out. `place` (3,). `cell`, rad: of points whose
-/// bearings differ by less the nearest hides the others. `gap`, rad: neighbors farther apart are none. `step_fraction`: how far an edge goes
-/// beyond the plane of the near side, as a fraction of the inverse distance. `shades` (n,) on any scale. `axes` (m, 3), unit vectors: edges
-/// are detected within an `angle`, rad, of one of them; all around for None. ValueError for other shapes.
+/// bearings differ by less the nearest hides the others. `gap`, rad: neighbors farther apart are none. `step_fraction`: how far an
+/// edge goes beyond the plane of the near side, as a fraction of the inverse distance. `shades` (n,) on any scale. `axes` (m, 3) of any
+/// length: edges are detected within an `angle`, rad, of one of them; all around for None. ValueError for other shapes, and for axes
+/// and angles that are none.
 #[pyclass(frozen, module = "regionpose._core")]
 pub struct CloudEdges(cloud_edges::CloudEdges);
 
@@ -93,7 +95,7 @@ impl CloudEdges {
     ) -> PyResult<Self> {
         crate::alignment::check_angles(cell, gap)?;
         let field = match axes {
-            Some(axes) => EdgeField { axes: self::points::<3>("axes", axes)?, angle },
+            Some(axes) => EdgeField::cones(&self::points::<3>("axes", axes)?, angle).map_err(value_error)?,
             None => EdgeField::whole(),
         };
         let (points, place) = (self::points::<3>("points", points)?, vector("place", place)?);
@@ -273,7 +275,7 @@ fn arrays_of<'py>(py: Python<'py>, mode: &Mode) -> PyResult<ModeArrays<'py>> {
 
 /// Weights of frames by spread, by null poses about a pose.
 #[pyclass(frozen, module = "regionpose._core")]
-pub struct LocalWeights(search::LocalWeights);
+pub struct LocalWeights(null_poses::LocalWeights);
 
 #[pymethods]
 impl LocalWeights {
@@ -285,7 +287,7 @@ impl LocalWeights {
         translation: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
         let (frames, pose) = (frames_of(&frames), pose(rotation, translation)?);
-        detached(py, || search::LocalWeights::about(&frames, &pose)).map(Self)
+        detached(py, || null_poses::LocalWeights::about(&frames, &pose)).map(Self)
     }
 
     /// The maximum of the posterior reached from a start by these weights; None where no direction is certain.

@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 
 use super::edges::{Step, VisiblePoints};
 use super::groups::{Floats, GROUP};
+use crate::error::{Error, Result};
 use crate::geometry::pose::Pose;
 
 /// Edges nearer to the scanner than this are its own vehicle's or tripod's, meters: a convention.
@@ -36,21 +37,39 @@ pub struct EdgeOptions {
 #[derive(Debug, Clone)]
 pub struct EdgeField {
     /// Axes of the cones, unit vectors of the world.
-    pub axes: Vec<Vector3<f64>>,
-    /// Half the angle at their tips, rad.
-    pub angle: f64,
+    axes: Vec<Vector3<f64>>,
+    /// Cosine of half the angle at their tips.
+    cosine: f64,
 }
 
 impl EdgeField {
     /// All bearings.
     pub fn whole() -> Self {
-        Self { axes: Vec::new(), angle: PI }
+        Self { axes: vec![Vector3::z()], cosine: f64::NEG_INFINITY }
+    }
+
+    /// Those within an angle, rad, of one of some axes; all from a straight angle on.
+    ///
+    /// # Errors
+    /// For an axis without a direction, and for an angle that is not positive.
+    pub fn cones(axes: &[Vector3<f64>], angle: f64) -> Result<Self> {
+        let invalid = |item, found: String, needed: &str| Error::InvalidOption { item, found, needed: needed.into() };
+        if angle.is_nan() || angle <= 0.0 {
+            return Err(invalid("angle", format!("{angle}"), "an angle above 0 rad"));
+        }
+        let unit = |axis: &Vector3<f64>| {
+            let length = axis.norm();
+            let found = || invalid("axes", format!("({}, {}, {})", axis.x, axis.y, axis.z), "vectors with a direction");
+            if length.is_finite() && length > 0.0 { Ok(axis / length) } else { Err(found()) }
+        };
+        let axes = axes.iter().map(unit).collect::<Result<_>>()?;
+        Ok(if angle < PI { Self { axes, cosine: angle.cos() } } else { Self::whole() })
     }
 
     /// Whether a point relative to the tips lies within a cone, at a distance.
     fn contains(&self, point: &Vector3<f64>, distance: f64) -> bool {
-        let least = self.angle.cos() * distance;
-        self.angle >= PI || self.axes.iter().any(|axis| axis.dot(point) >= least)
+        let least = self.cosine * distance;
+        self.axes.iter().any(|axis| axis.dot(point) >= least)
     }
 }
 

@@ -169,6 +169,19 @@ impl Sampler {
         Self { density, mean: root * (root.transpose() * factor.information_vector), root }
     }
 
+    /// The draw of a number: draws are evenly spread over the density.
+    pub fn draw(&self, number: usize) -> Pose {
+        let even = sequence::<9>(number);
+        let pair = |first: usize| {
+            // Box and Muller's: two normal numbers of two even ones.
+            let length = (-2.0 * (1.0 - even[first]).ln()).sqrt();
+            let (sin, cos) = (2.0 * PI * even[first + 1]).sin_cos();
+            [length * cos, length * sin]
+        };
+        let ([a, b], [c, d], [e, f]) = (pair(3), pair(5), pair(7));
+        self.pose(&[even[0], even[1], even[2]], &[a, b, c, d, e, f])
+    }
+
     /// The pose of a draw: `uniform` deviates from 0 to 1 for free angles, `normal` ones for the rest.
     pub fn pose(&self, uniform: &[f64; 3], normal: &[f64; 6]) -> Pose {
         let base = match &self.density {
@@ -273,4 +286,14 @@ fn scales() -> [[f64; 2]; SCALES] {
 /// Logarithm of `Gamma((4 + 6) / 2) / Gamma(4 / 2)` = 4!.
 fn log_gamma_ratio() -> f64 {
     24.0_f64.ln()
+}
+
+/// The numbers of an evenly spread sequence in so many dimensions, from 0 to 1: multiples of powers of the root of x^(d+1) = x + 1
+/// (Roberts, The unreasonable effectiveness of quasirandom sequences, 2018).
+pub(super) fn sequence<const D: usize>(number: usize) -> [f64; D] {
+    let mut root = 2.0_f64;
+    for _ in 0..40 {
+        root = (1.0 + root).powf(1.0 / (D as f64 + 1.0));
+    }
+    std::array::from_fn(|axis| (0.5 + (number + 1) as f64 * root.powi(-(axis as i32 + 1))).fract())
 }

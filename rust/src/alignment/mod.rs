@@ -7,6 +7,7 @@ pub mod descent;
 pub mod edges;
 pub mod frame;
 mod groups;
+pub mod null_poses;
 mod parallel;
 pub mod pictures;
 pub mod posterior;

@@ -116,8 +116,8 @@ impl Projection {
         Ok(Self { count: cells, faces, cells: joined })
     }
 
-    /// The table of the same camera with focal lengths multiplied by a factor and its principal point at a pixel; of larger ones no
-    /// pixel is left out.
+    /// The table of the same camera with focal lengths multiplied by a factor and its principal point at a pixel. It has no bearings beyond
+    /// those of this one, so that it shows all of the image for factors of at least 1.
     pub fn zoomed(&self, factor: f64, principal: &Vector2<f64>) -> Self {
         let factor = factor as f32;
         let offsets = [principal.x, principal.y].map(|place| place as f32 * (1.0 - factor));

@@ -2,8 +2,8 @@
 
 use crate::geometry::pose::{Pose, Tangent};
 
-/// Length of a left increment of a pose: radians, or a share of the world origin's distance, whichever is more.
-pub fn relative_length(increment: &Tangent, pose: &Pose) -> f64 {
+/// Length of a left increment of a pose: radians, or a fraction of the world origin's distance, whichever is more.
+fn relative_length(increment: &Tangent, pose: &Pose) -> f64 {
     let distance = pose.translation.norm().max(f64::MIN_POSITIVE);
     increment.fixed_rows::<3>(0).norm().max(increment.fixed_rows::<3>(3).norm() / distance)
 }

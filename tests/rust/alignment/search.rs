@@ -9,11 +9,12 @@ use regionpose::internals::alignment::blur::blurred;
 use regionpose::internals::alignment::cloud_edges::{CloudEdges, EdgeField, EdgeOptions, Thinning};
 use regionpose::internals::alignment::density::PoseDensity;
 use regionpose::internals::alignment::frame::{FINEST, Frame, PhotoView, SPREADS, SPREADS_PX};
+use regionpose::internals::alignment::null_poses::LocalWeights;
 use regionpose::internals::alignment::pictures::{DIRECTIONS, LogRatios};
 use regionpose::internals::alignment::posterior::{Mode, Posterior, Weight};
 use regionpose::internals::alignment::projection::Projection;
 use regionpose::internals::alignment::search::{
-    LocalWeights, SearchOptions, SearchProgress, distinct_poses, search, search_with_progress,
+    SearchOptions, SearchProgress, distinct_poses, search, search_with_progress,
 };
 use regionpose::internals::budget;
 use regionpose::internals::geometry::pose::Tangent;
@@ -255,7 +256,7 @@ fn edges_within_a_field_are_those_of_the_whole_cloud() {
     let points = scan(&blocks(101));
     let whole = CloudEdges::new(&points, None, &Vector3::zeros(), &DETECTION);
     let axis = truth().rotation.inverse() * Vector3::z();
-    let field = EdgeField { axes: vec![axis], angle: 0.9 };
+    let field = EdgeField::cones(&[axis], 0.9).unwrap();
     let within = CloudEdges::within(&points, None, &Vector3::zeros(), &DETECTION, &field);
     let inside = |edges: &CloudEdges, angle: f64| {
         let middles = (0..edges.len()).map(|edge| edges.at(edge).0);
