@@ -5,9 +5,9 @@ pose and at poses that are turned by 8 to 180 degrees, most of them moved by a m
 frames this says so and ends.
 
 A line each: edges in view, the fraction of them that lie on edges of the photo at the true pose, the logarithm of the
-odds, the least and the largest of the wrong poses', and seconds for photo and pose. Then the AUC: the share of pairs of
-a right and a wrong pose that the odds order rightly, ties counting half; and what `UNINFORMATIVE_PRIOR` of
-`regionpose.alignment.odds` is taken from: how many true poses have odds below 1.
+odds, the least and the largest of the wrong poses', and seconds for the first pose and a further one. Then the AUC: the
+share of pairs of a right and a wrong pose that the odds order rightly, ties counting half; and what
+`UNINFORMATIVE_PRIOR` of `regionpose.alignment.odds` is taken from: how many true poses have odds below 1.
 
     python -m benchmarks.agreement [--data ../shared/data] [--wrong 12]
 """
@@ -25,9 +25,6 @@ import numpy as np
 import regionpose as rp
 from numpy.typing import NDArray
 from PIL import Image
-from regionpose.alignment.agreement import aligned
-from regionpose.alignment.edge_frame import EdgeFrame
-from regionpose.alignment.photo_cloud import PhotoCloud
 from regionpose.cameras import Camera
 from scipy.spatial.transform import Rotation
 
@@ -56,11 +53,6 @@ class RealFrame(NamedTuple):
     def frame(self) -> rp.Frame:
         """Photo and cloud, without regions."""
         return rp.Frame(image=self.image, points=self.cloud.points, intensity=self.cloud.intensity)
-
-
-def alignment(seen: PhotoCloud, pose: rp.Pose) -> rp.solve.Alignment:
-    """As `check_alignment`, whose photo's edge likelihoods are kept for the next pose."""
-    return aligned(seen, EdgeFrame(seen, pose.camera_center), pose)
 
 
 def frames(data: Path) -> Iterator[RealFrame]:
@@ -109,15 +101,17 @@ def main() -> None:
     given = parser.parse_args()
     right: list[float] = []
     wrong: list[float] = []
-    print("frame                     edges  agree  log odds  wrong from     to   photo, pose (s)")
+    print("frame                     edges  agree  log odds  wrong from     to   first, further pose (s)")
     for number, held in enumerate(frames(given.data)):
         start = time.perf_counter()
-        seen = PhotoCloud.of(held.camera, held.frame)
-        _ = seen.photo.ranks
+        photo_cloud = held.frame
+        true = rp.check_alignment(held.camera, photo_cloud, held.pose)
         middle = time.perf_counter()
-        true = alignment(seen, held.pose)
+        again = rp.check_alignment(held.camera, photo_cloud, held.pose)
+        assert again.log_odds == true.log_odds
         seconds = (middle - start, time.perf_counter() - middle)
-        odds = [alignment(seen, pose).log_odds for pose in wrong_poses(held.pose, given.wrong, number)]
+        poses = wrong_poses(held.pose, given.wrong, number)
+        odds = [rp.check_alignment(held.camera, photo_cloud, pose).log_odds for pose in poses]
         print(
             f"{held.name:24} {len(true.places):6}  {true.edge_fraction:5.2f}  {true.log_odds:8.2f}"
             f"  {min(odds):10.2f}  {max(odds):5.2f}   {seconds[0]:.2f}, {seconds[1]:.2f}",

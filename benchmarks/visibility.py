@@ -40,7 +40,7 @@ from rich.console import Console
 from rich.progress import track
 from scipy.spatial import cKDTree
 
-from benchmarks.agreement import alignment, frames, wrong_poses
+from benchmarks.agreement import frames, wrong_poses
 from benchmarks.real_mistakes import Problem, is_wrong, problems
 from benchmarks.real_scenes import DEFAULT_DATA, LIDARS, RealScene, scene_of
 
@@ -110,7 +110,7 @@ def measured(given: Given) -> Pose:
     """What edges and visibility measure at a pose."""
     seen, pose, camera = given.seen, given.pose, given.seen.camera
     points = seen.points[np.isfinite(seen.points).all(axis=1)]
-    edges = alignment(replace(seen, frame=replace(seen.frame, world_regions=())), pose).edge_log_odds
+    edges = rp.check_alignment(camera, seen.frame, pose).edge_log_odds
     hidden = {gap: most_hidden(replace(seen, points=points), pose, gap) for gap in GAPS}
     nearest = float(cKDTree(points).query(pose.camera_center)[0])
     assert camera.width is not None and camera.height is not None

@@ -121,7 +121,7 @@ def calibrate_with(
     by_focal = ByFocal.of(
         edges, best, known, None if regions is None else without_calibration(regions.estimate, solver)
     )
-    focal = None if by_focal is None else focal_evidence(by_focal, best, part(progress, SEARCHED, FOCAL_TRIED))
+    focal = None if by_focal is None else focal_evidence(by_focal, part(progress, SEARCHED, FOCAL_TRIED))
     report(FOCAL_TRIED)
     assessment = Assessment(edges, clusters, explained.none, focal, solver)
     if regions is None or by_regions is None:

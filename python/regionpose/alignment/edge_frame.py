@@ -59,8 +59,8 @@ class EdgeFrame:
     def visible_from(
         self, center: Array, poses: Sequence[Pose], *, margin_deg: float = FIELD_MARGIN_DEG, with_regions: bool = True
     ) -> _core.AlignmentFrame:
-        """The photo with the edges that are seen from a center (3,), where cameras look whose poses are some degrees
-        from these, all about the origin; what regions show can be left out of it: that is evidence of theirs.
+        """The photo with the edges that are visible from a center (3,) to cameras within a margin of these poses, all
+        about the origin; what regions show can be left out of it: that is evidence of theirs.
         """
         check_wanted()
         frame = self.core if with_regions else self._core_beside_regions
@@ -107,7 +107,7 @@ class EdgeFrame:
         """The median distance of the points that the camera may see at a pose, meters; NaN where there are none."""
         local = pose.rebase(self.origin).transform(self._points[:: max(1, len(self._points) // MOST_POINTS)])
         distances = np.linalg.norm(local, axis=1)
-        reach = np.cos(half_field(self.camera, self._frame.photo))
+        reach = np.cos(self._half_field)
         shown = distances[local[:, 2] > reach * distances]
         return float(np.median(shown)) if len(shown) else float("nan")
 

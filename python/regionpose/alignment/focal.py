@@ -54,7 +54,7 @@ class ByFocal:
 
     frames: Sequence[EdgeFrame]
     about: Prior | PoseEstimate
-    pose: Pose
+    best: Hypothesis
 
     @classmethod
     def of(
@@ -66,8 +66,8 @@ class ByFocal:
         if not all(isinstance(frame.camera, MatrixCamera) for frame in frames):
             return None
         if best.solution is None or regions is None:
-            return cls(frames, prior, best.pose)
-        return cls(frames, regions, best.pose) if is_covariance(regions.covariance) else None
+            return cls(frames, prior, best)
+        return cls(frames, regions, best) if is_covariance(regions.covariance) else None
 
     def visible_at(self, pose: Pose) -> list[_core.AlignmentFrame]:
         """The frames with the edges that are seen at a pose, or from nearby."""
@@ -99,7 +99,7 @@ class ByFocal:
     def _weights(self, spread: int) -> _core.LocalWeights:
         """Weights of edges no finer than a spread, with the given focal lengths at the best pose."""
         if spread not in self._made_weights:
-            cores, local = self.visible_at(self.pose), self.pose.rebase(self.frames[0].origin)
+            cores, local = self.visible_at(self.best.pose), self.best.pose.rebase(self.frames[0].origin)
             coarse = [core.at_spread(spread) for core in cores]
             self._made_weights[spread] = _core.LocalWeights(coarse, local.rotation.as_matrix(), local.translation)
         return self._made_weights[spread]
@@ -124,19 +124,19 @@ class ByFocal:
         return np.zeros(6) if isinstance(self.about, Prior) else np.nan_to_num(self.about.diagnostics.focal_shift)
 
 
-def focal_evidence(by_focal: ByFocal, best: Hypothesis, progress: Progress | None = None) -> FocalEvidence:
+def focal_evidence(by_focal: ByFocal, progress: Progress | None = None) -> FocalEvidence:
     """What the edges show of the focal lengths of the camera of all frames."""
-    cores = by_focal.visible_at(best.pose)
-    shift = _derivative(by_focal, cores, best)
-    way, given = np.nan_to_num(shift), _gain(by_focal.maximum(cores, 0.0, best.pose))
+    pose = by_focal.best.pose
+    cores, shift = by_focal.visible_at(pose), _derivative(by_focal)
+    way, given = np.nan_to_num(shift), _gain(by_focal.maximum(cores, 0.0, pose))
 
     found: dict[float, EdgeMode | None] = {}
     for numbers, _ in with_progress(GROUPS, part(progress, 0.0, 0.6)):
         # Longer focal lengths move the camera, which then sees other edges.
-        middle = best.pose.retract(float(np.mean(numbers)) * STEPS[0] * way)
+        middle = pose.retract(float(np.mean(numbers)) * STEPS[0] * way)
         there = by_focal.visible_at(middle)
         for step in (number * STEPS[0] for number in numbers):
-            found[step] = by_focal.maximum(there, step, best.pose.retract(step * way), 2)
+            found[step] = by_focal.maximum(there, step, pose.retract(step * way), 2)
     gains: dict[float, float] = {}
     likeliest = sorted(found, key=lambda step: _gain(found[step]), reverse=True)[:CLOSER]
     for step, _ in with_progress(likeliest, part(progress, 0.6, 1.0)):
@@ -166,17 +166,18 @@ def _closer(by_focal: ByFocal, log_focal: float, mode: EdgeMode | None, given: f
     coarse = middles[middle]
     if coarse is None:
         return {}
-    # Other edges are seen from elsewhere, and some of them agree better whatever the focal lengths.
-    given = max(given, _gain(by_focal.maximum(cores, 0.0, by_focal.pose)))
+    # Edges that are visible from elsewhere may agree better for any focal lengths.
+    given = max(given, _gain(by_focal.maximum(cores, 0.0, by_focal.best.pose)))
     ends = (middle - STEPS[2], middle, middle + STEPS[2])
     return {each: _gain(by_focal.maximum(cores, each, coarse.pose)) - given for each in ends}
 
 
-def _derivative(by_focal: ByFocal, cores: Sequence[_core.AlignmentFrame], best: Hypothesis) -> Array:
+def _derivative(by_focal: ByFocal) -> Array:
     """The derivative (6,) of the pose by the logarithm of the focal lengths; NaN where that is not found."""
-    if best.mode is None:
+    if by_focal.best.mode is None:
         return by_focal.shift
-    steps = (-FOCAL_STEP, FOCAL_STEP)
-    ends = [by_focal.maximum(cores, step, best.pose.retract(step * by_focal.shift)) for step in steps]
-    low, high = (None if mode is None else best.pose.local_coordinates(mode.pose) for mode in ends)
+    pose, steps = by_focal.best.pose, (-FOCAL_STEP, FOCAL_STEP)
+    cores = by_focal.visible_at(pose)
+    ends = [by_focal.maximum(cores, step, pose.retract(step * by_focal.shift)) for step in steps]
+    low, high = (None if mode is None else pose.local_coordinates(mode.pose) for mode in ends)
     return np.full(6, np.nan) if low is None or high is None else np.asarray((high - low) / (2.0 * FOCAL_STEP))

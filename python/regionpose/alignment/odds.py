@@ -18,7 +18,7 @@ HIDDEN = -DECISIVE
 stands before a region in one cloud of 70."""
 
 UNINFORMATIVE_PRIOR = 0.1
-"""Probability that edges are uninformative at a right solution of regions, whatever photo and cloud hold: of 21 true
+"""Probability that the edges of any photo and cloud are uninformative at a right solution of regions: of 21 true
 poses one has log odds below 0 (`python -m benchmarks.agreement`), by Laplace's rule of succession."""
 
 CHANCE_PRIOR = 0.5

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,9 +39,18 @@ class PhotoCloud:
             raise ValueError(f"{frame.name or 'frame'} has no {missing}; needed image and points")
         try:
             check_camera(camera, frame.image_regions)
-            photo = Photo.of(frame.image)
+            photo = _photo_of(frame)
             camera.check_size(photo.shape)
             points = checked_points(frame.points)
             return cls(camera, frame, photo, points, checked_intensity(frame.intensity, points))
         except ValueError as error:
             raise ValueError(f"{frame.name}: {error}" if frame.name else str(error)) from error
+
+
+@lru_cache(maxsize=1)
+def _photo_of(frame: Frame) -> Photo:
+    """The photo of a frame. That of the last one is kept: its edge likelihoods are the same for all poses that are
+    checked.
+    """
+    assert frame.image is not None
+    return Photo.of(frame.image)

@@ -38,7 +38,7 @@ LEAST_DRAWS, LEAST_KEPT = 2_000, (100, 25, 8)
 spread from right ones.
 """
 
-MOST_SIGMAS = 3.0
+FIELD_SIGMAS = 3.0
 """Turns beyond which edges are not looked for, of poses about a given one: by deviations of that."""
 
 FRAMES_MADE, MAXIMA_FOUND, EDGES_MADE = 0.07, 0.82, 0.3
@@ -89,7 +89,7 @@ def search_about(
         center = poses[0].camera_center
         return [frame.visible_from(center, poses, margin_deg=margin_deg, with_regions=False) for frame in frames]
 
-    about, margin_deg = part(progress, 0.0, MAXIMA_FOUND), FIELD_MARGIN_DEG + MOST_SIGMAS * density.rotation_sigma_deg
+    about, margin_deg = part(progress, 0.0, MAXIMA_FOUND), FIELD_MARGIN_DEG + FIELD_SIGMAS * density.rotation_sigma_deg
     modes = density.modes(visible_at([local]), [local], LEAST_DRAWS, LEAST_KEPT, about)
     modes = _with_updated_edges(modes, density, visible_at, local.camera_center, part(progress, MAXIMA_FOUND, 1.0))
     return _in_world(modes, density.origin)

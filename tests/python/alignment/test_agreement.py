@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import regionpose as rp
@@ -15,8 +17,9 @@ pytestmark = pytest.mark.slow
 Array = NDArray[np.float64]
 
 
-def test_photo_and_cloud_agree_at_the_pose_alone() -> None:
-    photo, points = cards(1)
+@pytest.mark.parametrize("seed", range(3))
+def test_photo_and_cloud_agree_at_the_pose_alone(seed: int) -> None:
+    photo, points = cards(seed)
     right = rp.check_alignment(CAMERA, rp.Frame(image=photo, points=points), POSE)
     assert right.log_odds > 20.0 and right.edge_fraction > 0.9
     others = [
@@ -58,6 +61,23 @@ def test_edges_beside_the_regions_are_left_out() -> None:
     assert (corner > 9.0).all()
     everywhere = rp.check_alignment(CAMERA, rp.Frame(image=photo, points=points), POSE).places
     assert (np.abs(everywhere - [250.0, 200.0]) < [150.0, 100.0]).all(axis=1).sum() > 100
+
+
+def test_a_photo_is_prepared_once_for_further_poses(monkeypatch: pytest.MonkeyPatch) -> None:
+    photo, points = cards(0)
+    made: list[Photo] = []
+    prepare = Photo.of
+
+    def counted(image: Any) -> Photo:
+        made.append(prepare(image))
+        return made[-1]
+
+    monkeypatch.setattr(Photo, "of", counted)
+    frames = [rp.Frame(image=photo, points=points) for _ in range(2)]
+    for frame in frames:
+        first, again = (rp.check_alignment(CAMERA, frame, POSE) for _ in range(2))
+        assert first.log_odds == again.log_odds
+    assert len(made) == 2
 
 
 def test_large_photos_are_reduced() -> None:

@@ -200,18 +200,18 @@ def test_overlap_errors_know_the_images_border() -> None:
 
 def test_warnings_of_sparse_samples_point_at_the_callers_line() -> None:
     rows = np.stack(np.meshgrid(np.arange(0.0, 1.0, 0.02), np.arange(3) * 0.3), axis=-1).reshape(-1, 2)
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         rp.WorldRegion.from_points(np.column_stack([rows, np.zeros(len(rows))]))
-    assert {warning.category for warning in told} == {rp.regions.SparseSamplingWarning}
-    assert {Path(warning.filename).name for warning in told} == {Path(__file__).name}
+    assert {warning.category for warning in caught} == {rp.regions.SparseSamplingWarning}
+    assert {Path(warning.filename).name for warning in caught} == {Path(__file__).name}
 
 
 def test_warnings_carry_their_regions_and_values() -> None:
     images = [rp.ImageRegion.from_polygon(ring) for ring in (SQUARE, SQUARE + 200.0, SQUARE + 1.0)]
-    (told,) = rp.scene.check_regions(images, [])
-    assert (told.code, told.regions) == ("duplicate-regions", (0, 2))
-    assert told.values["side"] == "image" and told.values["fraction"] == pytest.approx(0.95, abs=0.05)
+    (warning,) = rp.scene.check_regions(images, [])
+    assert (warning.code, warning.regions) == ("duplicate-regions", (0, 2))
+    assert warning.values["side"] == "image" and warning.values["fraction"] == pytest.approx(0.95, abs=0.05)
 
 
 def test_the_document_lists_the_public_names() -> None:

@@ -105,8 +105,7 @@ def interrupted(process: subprocess.Popen[str]) -> tuple[str, float]:
 
 def soon() -> float:
     """Seconds that a user waits at the most, on a machine as busy as this one and this test."""
-    workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
-    return SOON_S * max(workers, (os.getloadavg()[0] + 1.0) / (os.cpu_count() or 1))
+    return SOON_S * max(1.0, (os.getloadavg()[0] + 1.0) / (os.cpu_count() or 1))
 
 
 @pytest.mark.parametrize("name", LONG)
