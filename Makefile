@@ -60,7 +60,7 @@ packages: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/python -m pip install --quiet --editable '.[benchmarks]'
-	$(BIN)/python benchmarks/speed.py
+	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks perspective $(NOISE_FREE) --out results/perspective.csv
 	$(BIN)/python -m benchmarks omnidirectional $(NOISE_FREE) --out results/omnidirectional.csv
 	$(BIN)/python benchmarks/stages.py --scenes 10

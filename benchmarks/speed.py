@@ -7,13 +7,14 @@ alternate between all rows and their references:
     batch      `estimate_poses` on exact outlines
     noisy      the batch, each image vertex off by 0.5 px (one standard deviation along either axis)
     single     one `estimate_pose` a scene, by scipy's least squares
+    distorted  the batch by a camera with five coefficients of distortion, which OpenCV is given, too
     bitten     the batch, a notch of 5 % of its area cut out of each image outline
     masks      the batch on masks of 2376 x 1584 px with errors on 20 % of the area, contours traced beforehand
     from_mask  tracing such a mask, over `cv2.findContours` on it
     samples    the batch on scans of 64 beams, whose regions are given as samples of all beams, over the outlines of the
                same scans' points
 
-    python benchmarks/speed.py [--rows batch single ...] [--scenes 20] [--rounds 11]
+    python -m benchmarks.speed [--rows batch single ...] [--scenes 20] [--rounds 11]
 """
 
 from __future__ import annotations
@@ -46,6 +47,9 @@ Problem = tuple[Camera, Sequence[rp.ImageRegion], Sequence[rp.WorldRegion]]
 CAMERA = perspective_camera()
 """What all scenes are seen by, one object as of the frames of a video."""
 
+DISTORTED = replace(CAMERA, distortion=(-0.1, 0.02, 5e-4, -5e-4, 0.0))
+"""The same with the distortion of a usual lens."""
+
 VERTICES = 100
 REGIONS = 3
 
@@ -73,12 +77,12 @@ class Outlined(NamedTuple):
     image: list[Array]
 
     @classmethod
-    def of_seed(cls, seed: int) -> Outlined:
+    def of_seed(cls, seed: int, camera: rp.PinholeCamera = CAMERA) -> Outlined:
         """The scene of a seed, each outline as `VERTICES` vertices."""
         scene = perspective_scene(seed, REGIONS, world="arbitrary")
         world = [resampled(rings[0]) for rings in scene.regions]
-        image = [CAMERA.project(ring @ scene.rotation.T + scene.translation) for ring in world]
-        return cls(CAMERA, world, image)
+        image = [camera.project(ring @ scene.rotation.T + scene.translation) for ring in world]
+        return cls(camera, world, image)
 
     def problem(self, change: Callable[[Array], Array] = np.asarray) -> Problem:
         """The regions of both sides, of the image's after a change."""
@@ -172,9 +176,17 @@ def traced(masks: Sequence[NDArray[Any]]) -> Row:
 
 def pnp(scenes: Sequence[Outlined]) -> Row:
     """OpenCV's iterative PnP on the vertices."""
-    points = [(np.concatenate(scene.world), np.concatenate(scene.image), scene.camera.matrix) for scene in scenes]
+    points = [
+        (
+            np.concatenate(scene.world),
+            np.concatenate(scene.image),
+            scene.camera.matrix,
+            np.array(scene.camera.distortion) if scene.camera.distortion else None,
+        )
+        for scene in scenes
+    ]
     flags = cv2.SOLVEPNP_ITERATIVE
-    return Row(lambda: [cv2.solvePnP(*held, None, flags=flags) for held in points], len(points), "")
+    return Row(lambda: [cv2.solvePnP(*held, flags=flags) for held in points], len(points), "")
 
 
 def contours(masks: Sequence[NDArray[Any]]) -> Row:
@@ -184,17 +196,19 @@ def contours(masks: Sequence[NDArray[Any]]) -> Row:
     return Row(lambda: [cv2.findContours(mask, *kind) for mask in pixels], len(pixels), "")
 
 
-ROWS = ("batch", "noisy", "single", "bitten", "masks", "from_mask", "samples")
+ROWS = ("batch", "noisy", "single", "distorted", "bitten", "masks", "from_mask", "samples")
 
 
 def rows_of(names: Sequence[str], seeds: Sequence[int]) -> tuple[dict[str, Row], dict[str, Row]]:
     """The chosen rows and what they are compared with."""
     scenes = [Outlined.of_seed(seed) for seed in seeds]
+    distorted = [Outlined.of_seed(seed, DISTORTED) for seed in seeds]
     masks = whole_masks(seeds) if "from_mask" in names else []
     make: dict[str, Callable[[], Row]] = {
         "batch": lambda: batch([scene.problem() for scene in scenes]),
         "noisy": lambda: batch([scene.problem(noisy) for scene in scenes]),
         "single": lambda: single([scene.problem() for scene in scenes]),
+        "distorted": lambda: batch([scene.problem() for scene in distorted], "undistorted"),
         "bitten": lambda: batch([scene.problem(bitten) for scene in scenes]),
         "masks": lambda: batch(masked(seeds)),
         "from_mask": lambda: traced(masks),
@@ -203,6 +217,7 @@ def rows_of(names: Sequence[str], seeds: Sequence[int]) -> tuple[dict[str, Row],
     rows = {name: make[name]() for name in ROWS if name in names}
     references: dict[str, Callable[[], Row]] = {
         "solvePnP": lambda: pnp(scenes),
+        "undistorted": lambda: pnp(distorted),
         "findContours": lambda: contours(masks),
         "outlines": lambda: batch(scanned(seeds, "outline")),
     }

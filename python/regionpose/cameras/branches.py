@@ -48,8 +48,14 @@ class RadialFactor:
         """The factor and its derivative by the squared radius."""
         under = polynomial(self.denominator, s)
         factor = polynomial(self.numerator, s) / under
-        slope = polynomial(derivative(self.numerator), s) - factor * polynomial(derivative(self.denominator), s)
+        rising, falling = self._derivatives
+        slope = polynomial(rising, s) - factor * polynomial(falling, s)
         return factor, slope / under
+
+    @cached_property
+    def _derivatives(self) -> tuple[Array, Array]:
+        """Coefficients of the derivatives of numerator and denominator."""
+        return derivative(self.numerator), derivative(self.denominator)
 
     def radius(self, radius: Array) -> tuple[Array, Array]:
         """The distorted radius `r f` and its derivative by r."""
@@ -65,8 +71,8 @@ class RadialFactor:
     @cached_property
     def growth(self) -> Array:
         """The derivative of `r f` by r, times D^2, by powers of s."""
-        rising = np.convolve(derivative(self.numerator), self.denominator)
-        falling = np.convolve(self.numerator, derivative(self.denominator))
+        rising, falling = self._derivatives
+        rising, falling = np.convolve(rising, self.denominator), np.convolve(self.numerator, falling)
         product = np.convolve(self.numerator, self.denominator)
         return _sum(product, np.concatenate([[0.0], 2.0 * _sum(rising, -falling)]))
 

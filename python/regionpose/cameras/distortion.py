@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import SupportsFloat
 
 import numpy as np
@@ -153,4 +154,10 @@ def distortion_of(coefficients: Iterable[SupportsFloat], reach: float = 0.0) -> 
     numbers = finite_numbers("distortion", coefficients)
     if len(numbers) not in COEFFICIENT_COUNTS:
         raise ValueError(f"distortion: found {len(numbers)} coefficients; needed {NEEDED}")
-    return RadialTangential(numbers, reach)
+    return _made(numbers, reach)
+
+
+@lru_cache(maxsize=64)
+def _made(coefficients: tuple[float, ...], reach: float) -> RadialTangential:
+    """The distortion, which cameras share: its branches take longer to find than a hundred pixels to map."""
+    return RadialTangential(coefficients, reach)

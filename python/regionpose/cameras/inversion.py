@@ -56,7 +56,8 @@ def polynomial(coefficients: Sequence[float] | Array, x: Array) -> Array:
 
 def derivative(coefficients: Sequence[float] | Array) -> Array:
     """Ascending coefficients of the derivative of a polynomial; at least one."""
-    return np.asarray(np.polynomial.polynomial.polyder(np.asarray(coefficients, dtype=np.float64)))
+    ascending = np.asarray(coefficients, dtype=np.float64)
+    return np.arange(1, len(ascending)) * ascending[1:] if len(ascending) > 1 else np.zeros(1)
 
 
 def first_positive_root(coefficients: Sequence[float] | Array) -> float:

@@ -77,42 +77,53 @@ def visible_part(camera: Camera, line: Array) -> list[Array]:
 
 def line_bearings(camera: Camera, line: Array, item: str) -> Array:
     """Bearings (k, 3) along a line of pixels (m, 2); ValueError, with its name, where the camera sees no ray."""
-    starts, ends = line[:-1], line[1:]
-    split = _split_edges(camera, starts, ends, item, BORDER_BEND_TOLERANCE_PX)
+    split, _ = _split_edges(camera, line[:-1], line[1:], item, BORDER_BEND_TOLERANCE_PX)
     return np.vstack([split, _visible(camera, line[-1:], item)])
 
 
 def ring_bearings(camera: Camera, ring: Array, index: int) -> Array:
     """Bearings (k, 3) along a ring of pixels (n, 2); ValueError, with its index, where the camera sees no ray."""
-    return _split_edges(camera, ring, np.roll(ring, -1, axis=0), f"ring {index}", BEND_TOLERANCE_PX)
+    return _split_edges(camera, ring, _following(ring), f"ring {index}", BEND_TOLERANCE_PX)[0]
 
 
-def straight_bearings(camera: Camera, rings: Sequence[Array]) -> list[Array] | None:
-    """Bearings (n, 3) along rings of pixels (n, 2), mapped at once: a call for each takes longer than the mapping.
-
-    None for a camera that bends straight lines, or where it sees no ray.
+def bearings_of_rings(camera: Camera, rings: Sequence[Array]) -> list[Array] | None:
+    """Those of many rings, mapped at once: a call for each takes longer than the mapping. None for no ring, and where
+    the camera sees no ray.
     """
-    if not (camera.straight_lines and rings):
+    if not rings:
         return None
-    bearings = camera.bearings(np.concatenate(rings))
-    if not np.isfinite(bearings).all():
+    starts, ends = np.concatenate(rings), np.concatenate([_following(ring) for ring in rings])
+    try:
+        bearings, parts = _split_edges(camera, starts, ends, "a ring", BEND_TOLERANCE_PX)
+    except ValueError:
         return None
-    ends = accumulate(map(len, rings))
-    return [bearings[end - len(ring) : end] for ring, end in zip(rings, ends, strict=True)]
+    counts = np.add.reduceat(parts, [0, *accumulate(map(len, rings[:-1]))])
+    return [bearings[end - count : end] for count, end in zip(counts, np.cumsum(counts), strict=True)]
 
 
-def _split_edges(camera: Camera, starts: Array, ends: Array, item: str, tolerance: float) -> Array:
-    """Bearings of the starts (n, 2) of pixel edges, and of points between where the camera bends the edges."""
-    bearings = _visible(camera, starts, item)
+def _following(ring: Array) -> Array:
+    """The next vertex of each of a ring."""
+    return np.concatenate([ring[1:], ring[:1]])
+
+
+def _split_edges(
+    camera: Camera, starts: Array, ends: Array, item: str, tolerance: float
+) -> tuple[Array, NDArray[np.int64]]:
+    """Bearings of the starts (n, 2) of pixel edges, and of points between where the camera bends the edges; and in how
+    many parts each edge is.
+    """
     if camera.straight_lines:
-        return bearings
-    parts = _parts_of_edges(camera, (starts, ends), (bearings, _visible(camera, ends, item)), item, tolerance)
+        return _visible(camera, starts, item), np.ones(len(starts), dtype=np.int64)
+    places = [starts, ends, *(starts + fraction * (ends - starts) for fraction in PROBES)]
+    # At once: a call for each takes longer than the mapping of a polygon.
+    bearings, *others = np.split(_visible(camera, np.concatenate(places), item), len(places))
+    parts = _parts_of_edges(np.linalg.norm(ends - starts, axis=1), bearings, others, tolerance)
     if parts.max() == 1:
-        return bearings
+        return bearings, parts
     first = np.repeat(np.arange(len(starts)), parts)
     within = np.arange(len(first)) - np.repeat(np.cumsum(parts) - parts, parts)
     fraction = (within / parts[first])[:, None]
-    return _visible(camera, starts[first] * (1.0 - fraction) + ends[first] * fraction, item)
+    return _visible(camera, starts[first] * (1.0 - fraction) + ends[first] * fraction, item), parts
 
 
 def _visible(camera: Camera, pixels: Array, item: str) -> Array:
@@ -123,17 +134,16 @@ def _visible(camera: Camera, pixels: Array, item: str) -> Array:
     return bearings
 
 
-def _parts_of_edges(
-    camera: Camera, pixels: tuple[Array, Array], ends: tuple[Array, Array], item: str, tolerance: float
-) -> NDArray[np.int64]:
-    """Number of parts of each pixel edge: their sagitta falls with its square (docs/math.md, eq. 9.11)."""
-    (ring, following), (bearings, ahead) = pixels, ends
-    length = np.linalg.norm(following - ring, axis=1)
-    normal = np.cross(bearings, ahead)
+def _parts_of_edges(length: Array, starts: Array, others: Sequence[Array], tolerance: float) -> NDArray[np.int64]:
+    """Number of parts of each pixel edge: their sagitta falls with its square (docs/math.md, eq. 9.11).
+
+    `length` (n,): in pixels. Bearings (n, 3): of the `starts`, and of `others`, the ends and each of the probes.
+    """
+    ends, *probes = others
+    normal = np.cross(starts, ends)
     sine = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
-    sagitta = np.zeros(len(ring))
-    for fraction in PROBES:
-        between = _visible(camera, ring + fraction * (following - ring), item)
+    sagitta = np.zeros(len(length))
+    for fraction, between in zip(PROBES, probes, strict=True):
         off_arc = np.abs(np.sum(between * normal, axis=1)) / sine
         sagitta = np.maximum(sagitta, off_arc * length / sine / (4.0 * fraction * (1.0 - fraction)))
     parts: Array = np.clip(np.ceil(np.sqrt(BEND_MARGIN * sagitta / tolerance)), 1, MOST_PARTS)

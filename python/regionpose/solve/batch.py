@@ -136,7 +136,7 @@ def _checked(
 def _sides(problems: Sequence[Checked | PoseError], solver: Solver) -> list[Sides | PoseError]:
     """Both sides of each problem as the core takes them, or what is wrong with it."""
     whole = [(camera, regions) for camera, regions, _ in (each for each in problems if not isinstance(each, PoseError))]
-    mapped = iter(_straight_bearings(whole))
+    mapped = iter(_mapped_rings(whole))
     return [each if isinstance(each, PoseError) else _sides_or_error(*each, next(mapped), solver) for each in problems]
 
 
@@ -154,7 +154,7 @@ def _sides_or_error(
         return PoseError(str(error))
 
 
-def _straight_bearings(sides: Sequence[tuple[Camera, list[ImageRegion]]]) -> list[list[Array] | None]:
+def _mapped_rings(sides: Sequence[tuple[Camera, list[ImageRegion]]]) -> list[list[Array] | None]:
     """The bearings of each problem's rings, those of neighbors by one camera mapped at once; None as of one alone."""
     mapped: list[list[Array] | None] = []
     for _, group in groupby(sides, key=lambda side: id(side[0])):

@@ -13,7 +13,7 @@ from regionpose import _core
 from regionpose.cameras import Camera
 from regionpose.geometry.pose import Pose
 from regionpose.regions.image import ImageRegion
-from regionpose.regions.pixel_edges import straight_bearings
+from regionpose.regions.pixel_edges import bearings_of_rings
 from regionpose.regions.world import WorldRegion
 from regionpose.solve.options import Integration, Solver
 from regionpose.solve.prior import Prior
@@ -107,11 +107,11 @@ def observed_regions(
 
     `mapped`: bearings (n, 3) of their rings, one after another; None where they are to be found.
     """
-    straight = mapped or ring_bearings(camera, regions)
-    following, observed = iter(straight or ()), []
+    mapped = mapped or ring_bearings(camera, regions)
+    following, observed = iter(mapped or ()), []
     for index, region in enumerate(regions):
         try:
-            bearings = list(islice(following, len(region.rings))) if straight else region.bearings(camera)
+            bearings = list(islice(following, len(region.rings))) if mapped else region.bearings(camera)
             borders, hidden = region.border_bearings(camera), region.hidden_bearings(camera)
             pixels = region.pixel_bearings(camera) if integration == "pixels" else (None, None)
         except ValueError as error:
@@ -130,8 +130,8 @@ def observed_regions(
 
 
 def ring_bearings(camera: Camera, regions: Sequence[ImageRegion]) -> list[Array] | None:
-    """The bearings of all rings of some regions, as of `straight_bearings`."""
-    return straight_bearings(camera, [ring for region in regions for ring in region.rings_on_border(camera)])
+    """The bearings of all rings of some regions, as of `bearings_of_rings`."""
+    return bearings_of_rings(camera, [ring for region in regions for ring in region.rings_on_border(camera)])
 
 
 def core_prior(prior: Prior | None) -> _core.Prior | None:

@@ -16,7 +16,7 @@ use crate::math::gaussian::{Gaussian, Normal};
 const COARSE_RATIO: f64 = 0.5;
 
 /// Ratio from level to level with all samples: of labels, dilations and corners. By halves poses are about the same, and take half as long
-/// again (`python -m benchmarks lidar --only scan=samples`, `python benchmarks/speed.py --rows samples`).
+/// again (`python -m benchmarks lidar --only scan=samples`, `python -m benchmarks.speed --rows samples`).
 const RATIO: f64 = 0.25;
 
 /// Sigmas of corners, pixels: from a hand's error, and half the width of a lidar's beam beside a region of a few meters, to about the
