@@ -63,18 +63,18 @@ bench: $(STAMP)
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks perspective $(NOISE_FREE) --out results/perspective.csv
 	$(BIN)/python -m benchmarks omnidirectional $(NOISE_FREE) --out results/omnidirectional.csv
-	$(BIN)/python benchmarks/stages.py --scenes 10
-	$(BIN)/python benchmarks/workers.py --scenes 40
-	$(BIN)/python benchmarks/confidence.py --scenes 10
+	$(BIN)/python -m benchmarks.stages --scenes 10
+	$(BIN)/python -m benchmarks.workers --scenes 40
+	$(BIN)/python -m benchmarks.confidence --scenes 10
 	$(BIN)/python -m benchmarks.published --scenes 20
-	$(BIN)/python benchmarks/peers.py --scenes 20
-	$(BIN)/python benchmarks/image_segmentation.py --scenes 5
+	$(BIN)/python -m benchmarks.peers --scenes 20
+	$(BIN)/python -m benchmarks.image_segmentation --scenes 5
 	$(BIN)/python -m benchmarks.click_masks
 	$(BIN)/python -m benchmarks.cloud_segmentation --scenes 20
-	$(BIN)/python benchmarks/matching.py --scenes 20
+	$(BIN)/python -m benchmarks.matching --scenes 20
 	$(BIN)/python -m benchmarks.rig --synthetic 5
-	$(BIN)/python benchmarks/scale.py --points 1000000 --megapixels 6
-	$(BIN)/python benchmarks/real_scenes.py
+	$(BIN)/python -m benchmarks.scale --points 1000000 --megapixels 6
+	$(BIN)/python -m benchmarks.real_scenes
 	$(BIN)/python -m benchmarks.automatic
 	$(BIN)/python -m benchmarks.agreement
 	$(BIN)/python -m benchmarks.chessboards

@@ -6,7 +6,7 @@ poses from outlines and of those from samples apart. Prints the weights for
 rust/src/verdict/confidence.rs and how they hold on each kind when they are fitted to the others. The seeds are other
 ones than those of any table: they begin at a million.
 
-    python benchmarks/confidence.py [--scenes 80] [--workers 2] [--keep FILE]
+    python -m benchmarks.confidence [--scenes 80] [--workers 2] [--keep FILE]
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Each row draws scenes of the synthetic benchmark, paints every region and the background with a color, a shading and a
 texture of its own, blurs as a lens does, adds sensor noise, and grows each region from the pixel deepest inside it.
-Run as `python benchmarks/image_segmentation.py`.
+Run as `python -m benchmarks.image_segmentation`.
 """
 
 from __future__ import annotations

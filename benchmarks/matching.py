@@ -6,7 +6,7 @@ another scene: so many masks without a world region, and as many world regions w
 each mask's area that squares along its boundary change. "Wrong unsaid" are scenes with other pairs than the true ones
 and no warning of the matching. Time is that of one thread, `match_regions` alone.
 
-    python benchmarks/matching.py [--scenes 100] [--rows ROW [ROW ...]]
+    python -m benchmarks.matching [--scenes 100] [--rows ROW [ROW ...]]
 """
 
 from __future__ import annotations

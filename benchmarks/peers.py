@@ -5,7 +5,7 @@ surveyed markers are (the paper's table 1). `regionpose` gets masks without corr
 shares of pixels, and with segmentation error. Shapes without symmetry, perspective camera, arbitrary world frames.
 Forward projection: the mean distance in pixels between all corners as the true pose and as the estimate projects them.
 
-    OMP_NUM_THREADS=1 python benchmarks/peers.py [--scenes 100] [--planes 1 3] [--corners 6]
+    OMP_NUM_THREADS=1 python -m benchmarks.peers [--scenes 100] [--planes 1 3] [--corners 6]
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ direction; of the answer that comes first, and of the nearest where that is anot
 Then a table of medians and worst cases over the scenes of a kind, and one of the confidences of all poses of single
 frames, with how many are within 5 degrees, as they state. A pose is wrong beyond 5 deg.
 
-    python benchmarks/real_scenes.py [--data ../shared/data] [--only natural kitti] [--out FOLDER] [--rigs 10]
+    python -m benchmarks.real_scenes [--data ../shared/data] [--only natural kitti] [--out FOLDER] [--rigs 10]
 """
 
 from __future__ import annotations

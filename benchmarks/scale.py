@@ -6,7 +6,7 @@ it was given. The calibration is that of two of the panels and of the edges of p
 The picking page's pictures are those that it shows first, with the reading of the files; its click in 3D is the first
 one, which builds an index.
 
-    python benchmarks/scale.py [--points 5000000] [--megapixels 24]
+    python -m benchmarks.scale [--points 5000000] [--megapixels 24]
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ along the boundary that change the share `--noise` of their area. The stages are
 defaults, one after another; each time is the median over the scenes, of the processor, and the share that of the sum of
 medians. The contours' refinement is what the verdict takes more with it than without.
 
-    OMP_NUM_THREADS=1 python benchmarks/stages.py [--scenes 20] [--planes 1 3] [--noise 0 0.05 0.2]
+    OMP_NUM_THREADS=1 python -m benchmarks.stages [--scenes 20] [--planes 1 3] [--noise 0 0.05 0.2]
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 A part of the perspective study, 1 and 3 planes with 0 and 5 % of error on the mask. Wall times hold the start of the
 processes, the ratio is to one process; run it on a machine that does nothing else. Rows have to be equal, times apart.
 
-    OMP_NUM_THREADS=1 python benchmarks/workers.py [--scenes 100] [--workers 2]
+    OMP_NUM_THREADS=1 python -m benchmarks.workers [--scenes 100] [--workers 2]
 """
 
 from __future__ import annotations

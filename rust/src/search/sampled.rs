@@ -26,7 +26,7 @@ use crate::samples::signed_distance::SignedDistanceField;
 const MOST_STARTS: usize = 24;
 
 /// Error of a start, rad and share of the distance, from which it mostly still converges to the answer: starts nearer to one another
-/// than this are one. A convention: starts off by 0.07 to 0.3 rad converge about as often (`regionpose evaluate lidar --only
+/// than this are one. A convention: starts off by 0.07 to 0.3 rad converge about as often (`python -m benchmarks lidar --only
 /// lidar_beams=16 --only scan=samples`).
 const CONVERGENCE_RADIUS: f64 = 0.2;
 
@@ -47,7 +47,7 @@ const FOUND: f64 = 0.2;
 
 /// Log odds, by the subsample, by which a refined start is behind the best that all samples do not make up. A start that is not refined
 /// yet, or not to the end with all samples, makes up as much again: without that, half turns that fit about as well in
-/// the end were lost on the way (`regionpose evaluate trust --seed 182 --scenes 1 --only model=combined`, and `--seed 109`, `lidar`).
+/// the end were lost on the way (`python -m benchmarks trust --seed 182 --scenes 1 --only model=combined`, and `--seed 109`, `lidar`).
 const MAX_DEFICIT: f64 = 25.0;
 
 /// Points along an outline at which samples beside it are searched: a convention.

@@ -12,7 +12,7 @@ pub(super) const POOR_OVERLAP: f64 = 0.05;
 
 /// Probability of a pose above which a region that is seen elsewhere has no warning; every pose of less has one. Above 0.95,
 /// 3 of 10,008 poses are wrong without a warning, above 0.97 none is, and 9 right ones more have one
-/// (`regionpose evaluate trust --scenes 556`).
+/// (`python -m benchmarks trust --scenes 556`).
 pub const TRUSTED: f64 = 0.97;
 
 /// A pose and how well its projected regions cover the observed ones.

@@ -7,6 +7,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+import typer
+from regionpose.cli.app import app
+
+from benchmarks.synthetic.studies import STUDIES
 
 ROOT = Path(__file__).resolve().parents[3]
 MATH = ROOT / "docs" / "math.md"
@@ -20,6 +24,9 @@ MENTION = re.compile(r"docs/math\.md`?,")
 CITATION = re.compile(rf"docs/math\.md`?,? (?:eqs?\.|sections?) ({NUMBER}(?:(?:, | and | to ){NUMBER})*)")
 COMMENT_BREAK = re.compile(r"\s*\n[ \t]*(?:///|//!|//|#)?[ \t]*")
 NOT_RUN = re.compile(r"<!-- not run: \S.* -->")
+BENCHMARK = re.compile(r"python (?:-m benchmarks(?P<module>(?:\.\w+)*)(?: (?P<study>[a-z]+))?|benchmarks/)")
+SUBCOMMANDS = set(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
+SUBCOMMAND = re.compile(r"`regionpose ([a-z]+)")
 
 
 class Block(NamedTuple):
@@ -129,6 +136,32 @@ def test_references_between_equations_of_the_mathematics_lead_somewhere() -> Non
     references = re.findall(r"\((\d+\.\d+)\)", without_code(text)) + re.findall(r"\(section (\d+)\)", text)
     assert references
     assert set(references) <= known
+
+
+def unknown_commands(text: str) -> list[str]:
+    """The commands of a text that are not there: scripts of a package, which are found as modules alone; and modules,
+    studies and subcommands of other names.
+    """
+    text, unknown = COMMENT_BREAK.sub(" ", text), []
+    for command in BENCHMARK.finditer(text):
+        module, study = command["module"], command["study"]
+        place = ROOT / "benchmarks" / Path(*(module or "").split(".")[1:])
+        is_there = place.with_suffix(".py").exists() or (place / "__main__.py").exists()
+        if module is None or not is_there or (not module and study and study not in STUDIES):
+            unknown.append(command[0])
+    return unknown + [name for name in SUBCOMMAND.findall(text) if name not in SUBCOMMANDS]
+
+
+def test_commands_that_reproduce_figures_are_there() -> None:
+    files = [*DOCUMENTS, ROOT / "Makefile", *source_files()]
+    texts = {relative(file): file.read_text(encoding="utf-8") for file in files}
+    assert {name: unknown for name, text in texts.items() if (unknown := unknown_commands(text))} == {}
+
+
+def test_commands_of_other_names_are_found() -> None:
+    text = "`python benchmarks/speed.py`, `python -m benchmarks.none`, `python -m benchmarks none`, `regionpose evaluate x`"
+    assert len(unknown_commands(text)) == 4
+    assert unknown_commands("`python -m benchmarks.speed`, `python -m benchmarks lidar`, `regionpose pick`") == []
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=relative)
