@@ -159,8 +159,8 @@ def test_commands_that_reproduce_figures_are_there() -> None:
 
 
 def test_commands_of_other_names_are_found() -> None:
-    text = "`python benchmarks/speed.py`, `python -m benchmarks.none`, `python -m benchmarks none`, `regionpose evaluate x`"
-    assert len(unknown_commands(text)) == 4
+    modules = "`python benchmarks/speed.py`, `python -m benchmarks.none`, `python -m benchmarks none`"
+    assert len(unknown_commands(f"{modules}, `regionpose evaluate x`")) == 4
     assert unknown_commands("`python -m benchmarks.speed`, `python -m benchmarks lidar`, `regionpose pick`") == []
 
 
