@@ -127,7 +127,7 @@ def _first_steps(corners: Corners, tree: cKDTree, start: int) -> tuple[Array, Ar
     """The steps (2,) from a corner to its nearest neighbors in both directions of the grid; None where it has none."""
     here = corners.places[start]
     near = np.atleast_1d(tree.query(here, min(NEIGHBORS + 1, len(corners.places)))[1])[1:].tolist()
-    steps = [corners.places[other] - here for other in near if _linked(corners, start, other)]
+    steps = [corners.places[other] - here for other in _linked(corners, start, near)]
     for step in steps[1:]:
         first = steps[0]
         sine = abs(first[0] * step[1] - first[1] * step[0]) / (np.hypot(*first) * np.hypot(*step))
@@ -155,24 +155,36 @@ def _neighbor(corners: Corners, tree: cKDTree, corner: int, step: Array) -> int 
     predicted = corners.places[corner] + step
     near = tree.query_ball_point(predicted, reach)
     near.sort(key=lambda other: float(np.hypot(*(corners.places[other] - predicted))))
-    return next((other for other in near if other != corner and _linked(corners, corner, other)), None)
+    return next(iter(_linked(corners, corner, [other for other in near if other != corner])), None)
 
 
-def _linked(corners: Corners, one: int, other: int) -> bool:
-    """Whether two corners are the ends of a square's edge: their colors alternate, and an edge runs between them."""
-    turned = abs((corners.bright[other] - corners.bright[one]) % np.pi - np.pi / 2)
-    low, high = sorted((corners.contrasts[one], corners.contrasts[other]))
-    if turned > np.pi / 4 or low < LIKE_CONTRAST * high:
-        return False
-    start, step = corners.places[one], corners.places[other] - corners.places[one]
-    length = float(np.hypot(*step))
-    left = np.array([-step[1], step[0]]) / length * max(EDGE_REACH * length, LEAST_EDGE_REACH)
-    middle = start + EDGE_PLACES[:, None] * step
-    sides = np.stack([middle + left, middle - left])
+def _linked(corners: Corners, one: int, others: list[int]) -> list[int]:
+    """Those of other corners to which an edge of a square runs from one of them: their colors alternate."""
+    others = [other for other in others if _alternate(corners, one, other)]
+    if not others:
+        return []
+    start, steps = corners.places[one], corners.places[others] - corners.places[one]
+    lengths = np.hypot(steps[:, 0], steps[:, 1])
+    left = (
+        np.stack([-steps[:, 1], steps[:, 0]], axis=1)
+        * (np.maximum(EDGE_REACH * lengths, LEAST_EDGE_REACH) / lengths)[:, None]
+    )
+    middles = start + EDGE_PLACES[:, None] * steps[:, None]
+    sides = np.stack([middles + left[:, None], middles - left[:, None]])
     shades = ndimage.map_coordinates(corners.picture, [sides[..., 1], sides[..., 0]], order=1, mode="nearest")
     # Turning from the edge towards its left, the bright axis comes before the dark one where the left is bright.
-    sign = 1.0 if (corners.bright[one] - np.arctan2(step[1], step[0])) % np.pi < np.pi / 2 else -1.0
-    return bool((sign * (shades[0] - shades[1]) >= EDGE_FRACTION * low).all())
+    is_left = (corners.bright[one] - np.arctan2(steps[:, 1], steps[:, 0])) % np.pi < np.pi / 2
+    contrast = np.where(is_left, 1.0, -1.0)[:, None] * (shades[0] - shades[1])
+    least = EDGE_FRACTION * np.minimum(corners.contrasts[one], corners.contrasts[others])
+    shown = (contrast >= least[:, None]).all(axis=1).tolist()
+    return [other for other, is_shown in zip(others, shown, strict=True) if is_shown]
+
+
+def _alternate(corners: Corners, one: int, other: int) -> bool:
+    """Whether the colors of two corners alternate, and their contrasts are like."""
+    turned = abs((corners.bright[other] - corners.bright[one]) % np.pi - np.pi / 2)
+    low, high = sorted((corners.contrasts[one], corners.contrasts[other]))
+    return bool(turned <= np.pi / 4 and low >= LIKE_CONTRAST * high)
 
 
 def _full_grid(corners: Corners, cells: dict[Cell, int]) -> Array | None:
