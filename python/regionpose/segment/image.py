@@ -6,7 +6,10 @@ outline at full resolution, placed by how the colors of both sides mix in each p
 
 from __future__ import annotations
 
-from typing import Literal, overload
+import hashlib
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Literal, Self, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -128,12 +131,14 @@ def grow_image_region(
     """
     given = _checked_image(image)
     seed_place = _checked_seed(seed, given.shape)
-    options = _checked_option("tolerance", tolerance), _checked_option("smoothing_px", smoothing_px)
-    reduced, growth = _found(given, seed_place, *options)
+    tolerance, smoothing = _checked_option("tolerance", tolerance), _checked_option("smoothing_px", smoothing_px)
+    reduced = _reduced_photo(_Photo.of(given), smoothing)
+    growth = _grown(reduced, seed_place, tolerance)
     closer = _surroundings(growth.mask, reduced.factor, given.shape)
     if reduced.factor > 1 and given[closer].size <= CLOSER_FRACTION * given.size:
         seed_place = seed_place[0] - closer[1].start, seed_place[1] - closer[0].start
-        reduced, growth = _found(given[closer], seed_place, *options)
+        reduced = _reduced(given[closer], smoothing)
+        growth = _grown(reduced, seed_place, tolerance)
     else:
         closer = slice(0, given.shape[0]), slice(0, given.shape[1])
     fractions = np.zeros(given.shape[:2], dtype=np.float32)
@@ -149,9 +154,9 @@ def stable_tolerances(image: ArrayLike, seed: ArrayLike, *, most: int) -> list[t
     """
     given = _checked_image(image)
     x, y = _checked_seed(seed, given.shape)
-    reduced, growth = _found(given, (x, y), None, None)
-    start = int((y + 0.5) // reduced.factor), int((x + 0.5) // reduced.factor)
-    steps, scores = _stepped(reduced.lab, start, growth.color)
+    reduced = _reduced_photo(_Photo.of(given), None)
+    growth = _grown(reduced, (x, y), None)
+    steps, scores = _stepped(reduced.lab, _start(reduced, (x, y)), growth.color)
     areas = np.cumsum(np.bincount(steps.ravel(), minlength=len(scores) + 1))[: len(scores)]
     own = round(growth.tolerance / TOLERANCE_STEP)
     kept = [own]
@@ -162,13 +167,25 @@ def stable_tolerances(image: ArrayLike, seed: ArrayLike, *, most: int) -> list[t
     return [(float(step * TOLERANCE_STEP), float(areas[step] / areas[own])) for step in sorted(kept)]
 
 
-def _found(
-    image: NDArray[np.generic], seed: tuple[float, float], tolerance: float | None, smoothing: float | None
-) -> tuple[Reduced, Growth]:
-    """The reduced image and the region grown in it."""
-    reduced = _reduced(image, smoothing)
-    x, y = seed
-    return reduced, _grown(reduced, (int((y + 0.5) // reduced.factor), int((x + 0.5) // reduced.factor)), tolerance)
+@dataclass(frozen=True)
+class _Photo:
+    """An image that is the same as another one of the same values."""
+
+    digest: bytes
+    image: NDArray[np.generic] = field(compare=False)
+
+    @classmethod
+    def of(cls, image: NDArray[np.generic]) -> Self:
+        """Of a checked image."""
+        digest = hashlib.sha256(repr((image.shape, image.dtype.str)).encode())
+        digest.update(np.ascontiguousarray(image).data)
+        return cls(digest.digest(), image)
+
+
+@lru_cache(maxsize=1)
+def _reduced_photo(photo: _Photo, smoothing: float | None) -> Reduced:
+    """A whole image, reduced once for all seeds in it: that takes longer than to grow a region."""
+    return _reduced(photo.image, smoothing)
 
 
 def _surroundings(mask: Mask, factor: int, shape: tuple[int, ...]) -> Window:
@@ -223,9 +240,15 @@ def _median(levels: Bytes, radius: int) -> Bytes:
     return np.stack([rank.median(levels[..., channel], disk(radius)) for channel in range(3)], axis=2)  # type: ignore[no-untyped-call]
 
 
-def _grown(reduced: Reduced, start: tuple[int, int], tolerance: float | None) -> Growth:
+def _start(reduced: Reduced, seed: tuple[float, float]) -> tuple[int, int]:
+    """The row and column of the reduced image that hold a pixel (x, y) of the whole one."""
+    x, y = seed
+    return int((y + 0.5) // reduced.factor), int((x + 0.5) // reduced.factor)
+
+
+def _grown(reduced: Reduced, seed: tuple[float, float], tolerance: float | None) -> Growth:
     """The region at the working size, grown from the color around the seed, then from the color of what was found."""
-    row, column = start
+    row, column = start = _start(reduced, seed)
     near = (
         slice(max(row - reduced.radius, 0), row + reduced.radius + 1),
         slice(max(column - reduced.radius, 0), column + reduced.radius + 1),
