@@ -10,7 +10,7 @@ CRATE = Path(__file__).resolve().parents[1] / "rust" / "src"
 OPEN_MODULES = ("mesh", "moments")
 """Modules that are public as a whole."""
 
-ITEM = re.compile(r"^pub (?:const )?(?:fn|struct|enum|trait|type|const) (\w+)", re.MULTILINE)
+ITEM = re.compile(r"(?<!#\[doc\(hidden\)\]\n)^pub (?:const )?(?:fn|struct|enum|trait|type|const) (\w+)", re.MULTILINE)
 METHOD = re.compile(
     r"((?:^    #\[[^\n]*\]\n)*)^    (pub (?:const )?fn .*?)(?: \{$| \{ [^\n]*\}$|;$)", re.MULTILINE | re.DOTALL
 )
@@ -83,7 +83,9 @@ def interface() -> str:
     for module, name in sorted(set(found), key=lambda item: (item[0].split("/")[0] in OPEN_MODULES, item[1], item[0])):
         # A module may hand on what one of its files defines.
         place = next(file for file in files if file.startswith(module) and name in ITEM.findall(files[file]))
-        parts.append("\n".join([definition(files[place], name), *methods(files.values(), name)]))
+        # Another type of the same name has methods of its own.
+        codes = (code for file, code in files.items() if file == place or name not in ITEM.findall(code))
+        parts.append("\n".join([definition(files[place], name), *methods(codes, name)]))
     return "\n\n".join(parts) + "\n"
 
 

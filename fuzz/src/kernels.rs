@@ -1,13 +1,14 @@
 //! The kernels of the plane and the sphere, each against its laws.
 
 use nalgebra::{Vector2, Vector3};
+use regionpose::internals::budget::Budget;
 use regionpose::internals::geometry::clipping::intersection;
 use regionpose::internals::geometry::overlap::overlap_areas;
 use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::internals::view::chart::Chart;
-use regionpose::mesh::alpha_shape::alpha_shape;
-use regionpose::mesh::even_mesh::even_mesh;
-use regionpose::mesh::triangulation::{MeshOptions, triangulate};
+use regionpose::mesh::alpha_shape::alpha_shape_within;
+use regionpose::mesh::even_mesh::even_mesh_within;
+use regionpose::mesh::triangulation::{MeshOptions, triangulate_within};
 use regionpose::moments::plane::planar_moments;
 use regionpose::moments::sphere::spherical_moments;
 
@@ -34,7 +35,7 @@ fn region(random: &mut Random) -> Option<PlaneRings> {
 }
 
 /// Rings that were taken have an area, hold their vertices, and are taken again as they are.
-pub fn whole_rings(random: &mut Random) -> Outcome {
+pub fn whole_rings(random: &mut Random, _: &Budget) -> Outcome {
     let Some(region) = region(random) else { return Ok(false) };
     needed(region.area() > 0.0 && region.area().is_finite(), || format!("area {}", region.area()))?;
     let corner = region.rings()[0][0];
@@ -46,7 +47,7 @@ pub fn whole_rings(random: &mut Random) -> Outcome {
 }
 
 /// Moments are finite, the first is the area, and rings that turn round change all signs.
-pub fn moments(random: &mut Random) -> Outcome {
+pub fn moments(random: &mut Random, _: &Budget) -> Outcome {
     let Some(region) = region(random) else { return Ok(false) };
     let order = random.index(9);
     let slices = |rings: &[Ring]| planar_moments(rings.iter().map(Vec::as_slice), order);
@@ -69,16 +70,17 @@ fn lifted(ring: &Ring, depth: f64) -> Vec<Vector3<f64>> {
 }
 
 /// A mesh covers its region, or is refused.
-pub fn mesh(random: &mut Random) -> Outcome {
+pub fn mesh(random: &mut Random, budget: &Budget) -> Outcome {
     let Some(region) = region(random) else { return Ok(false) };
     let area = region.area();
     let mesh = match random.index(3) {
-        0 => even_mesh(&region, area.sqrt() * magnitude(random, -2.0, 1.0)),
-        1 => triangulate(&region, MeshOptions::default()),
+        0 => even_mesh_within(&region, area.sqrt() * magnitude(random, -2.0, 1.0), budget),
+        1 => triangulate_within(&region, MeshOptions::default(), budget),
         _ => {
             let max_area = (!once_in(random, 3)).then(|| area * magnitude(random, -4.0, 1.0));
             let min_angle = once_in(random, 2).then(|| random.uniform(0.0, 30.0));
-            triangulate(&region, MeshOptions::default().with_max_area(max_area).with_min_angle(min_angle))
+            let options = MeshOptions::default().with_max_area(max_area).with_min_angle(min_angle);
+            triangulate_within(&region, options, budget)
         }
     };
     let Ok(mesh) = mesh else { return Ok(false) };
@@ -88,7 +90,7 @@ pub fn mesh(random: &mut Random) -> Outcome {
 }
 
 /// The outline of points is one, or refused.
-pub fn outline(random: &mut Random) -> Outcome {
+pub fn outline(random: &mut Random, budget: &Budget) -> Outcome {
     let mut points = ring(random);
     for _ in 0..random.index(200) {
         points.push(Vector2::new(random.uniform(-1.0, 1.0), random.uniform(-1.0, 1.0)));
@@ -96,7 +98,7 @@ pub fn outline(random: &mut Random) -> Outcome {
     let points = placed(random, vec![points], -13.0, 6.0).remove(0);
     let size = points.iter().map(|p| p.amax()).fold(0.0, f64::max);
     let radius = if once_in(random, 5) { f64::INFINITY } else { size * magnitude(random, -3.0, 1.0) };
-    let Ok(shape) = alpha_shape(&points, radius) else { return Ok(false) };
+    let Ok(shape) = alpha_shape_within(&points, radius, budget) else { return Ok(false) };
     needed(shape.area() > 0.0 && shape.area().is_finite(), || format!("area {}", shape.area()))?;
     Ok(true)
 }
@@ -118,10 +120,10 @@ fn area_of(rings: &[Ring]) -> f64 {
 }
 
 /// What two regions share is in both, whichever comes first.
-pub fn clipping(random: &mut Random) -> Outcome {
+pub fn clipping(random: &mut Random, budget: &Budget) -> Outcome {
     let Some([first, second]) = pair(random, -13.0, 6.0) else { return Ok(false) };
     let [shared, other] =
-        [(&first, &second), (&second, &first)].map(|(a, b)| area_of(&intersection(a.rings(), b.rings()).rings));
+        [(&first, &second), (&second, &first)].map(|(a, b)| area_of(&intersection(a.rings(), b.rings(), budget).rings));
     let bounds = [&first, &second].map(PlaneRings::bounds);
     let size = bounds.iter().map(|(lower, upper)| lower.amax().max(upper.amax())).fold(0.0, f64::max);
     let allowed = ROUNDING * size * size * (first.edges().count() + second.edges().count()) as f64;
@@ -132,12 +134,12 @@ pub fn clipping(random: &mut Random) -> Outcome {
 }
 
 /// Solid angles are finite, none negative, and a region lies on itself.
-pub fn overlap(random: &mut Random) -> Outcome {
+pub fn overlap(random: &mut Random, budget: &Budget) -> Outcome {
     let Some([first, second]) = pair(random, -13.0, 3.0) else { return Ok(false) };
-    let areas = overlap_areas(&first, &second);
+    let areas = overlap_areas(&first, &second, budget);
     let parts = [areas.intersection, areas.only_observed, areas.only_predicted];
     needed(parts.iter().all(|part| *part >= 0.0 && part.is_finite()), || format!("overlap {parts:?}"))?;
-    let own = overlap_areas(&first, &first);
+    let own = overlap_areas(&first, &first, budget);
     let left = own.only_observed + own.only_predicted;
     // Latitudes near a pole lose as many digits as their tangents have; charts end at 87 degrees, a tangent of 19.
     let extent = first.bounds().0.amax().max(first.bounds().1.amax()).max(1.0);
@@ -147,7 +149,7 @@ pub fn overlap(random: &mut Random) -> Outcome {
 }
 
 /// The area of a region in its own chart is one.
-pub fn chart(random: &mut Random) -> Outcome {
+pub fn chart(random: &mut Random, _: &Budget) -> Outcome {
     let depth = magnitude(random, -1.0, 3.0);
     let given = rings(random);
     let given: Vec<_> = placed(random, given, -7.0, 0.0).iter().map(|ring| lifted(ring, depth)).collect();

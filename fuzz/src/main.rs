@@ -22,13 +22,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use random::Random;
-use regionpose::internals::budget::measured;
+use regionpose::internals::budget::Budget;
 
 /// What is wrong with a result, if anything; `Ok(true)` where the input was taken, `Ok(false)` where it was refused.
 pub type Outcome = Result<bool, String>;
 
 /// A kernel with its name.
-type Target = (&'static str, fn(&mut Random) -> Outcome);
+type Target = (&'static str, fn(&mut Random, &Budget) -> Outcome);
 
 const TARGETS: [Target; 11] = [
     ("rings", kernels::whole_rings),
@@ -139,7 +139,9 @@ fn tally(&(_, run): &Target, given: &Given, seconds: f64) -> Tally {
         LOOK_WORK.store(0, Ordering::Relaxed);
         let before = processor_time();
         set_began(Some(before));
-        let (outcome, work) = measured(|| catch_unwind(AssertUnwindSafe(|| run(&mut Random::new(seed)))));
+        let budget = Budget::unlimited();
+        let outcome = catch_unwind(AssertUnwindSafe(|| run(&mut Random::new(seed), &budget)));
+        let work = budget.charged();
         let look = LOOK_WORK.load(Ordering::Relaxed);
         let looks = (look > 0).then(|| work as f64 / look as f64);
         let cost = Cost { seconds: processor_time() - before, work: work as f64, looks };

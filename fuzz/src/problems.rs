@@ -5,6 +5,7 @@ use std::fmt::Debug;
 use std::sync::atomic::Ordering;
 
 use nalgebra::{Matrix6, Rotation3, Vector3};
+use regionpose::internals::budget::Budget;
 use regionpose::internals::contour::covariance::covariance;
 use regionpose::internals::contour::fit::{ContourFit, refined};
 use regionpose::{
@@ -106,10 +107,10 @@ fn set(random: &mut Random, low: f64, high: f64) -> Option<Set> {
 }
 
 impl Set {
-    fn problem(&self, random: &mut Random) -> Option<Problem> {
+    fn problem(&self, random: &mut Random, budget: &Budget) -> Option<Problem> {
         let system = if once_in(random, 4) { System::Sphere } else { System::Plane };
         let integration = if once_in(random, 8) { Integration::Mesh { size: None } } else { Integration::Boundary };
-        Problem::with(&self.observed, &self.worlds, system, integration).ok()
+        Problem::new_within(&self.observed, &self.worlds, system, integration, budget).ok()
     }
 }
 
@@ -182,12 +183,12 @@ fn checked_covariance(name: &str, covariance: &Matrix6<f64>) -> Result<(), Strin
 }
 
 /// Whole problems and their estimates.
-pub fn estimate(random: &mut Random) -> Outcome {
+pub fn estimate(random: &mut Random, budget: &Budget) -> Outcome {
     let Some(set) = set(random, -13.0, 6.0) else { return Ok(false) };
     let options = options(random);
-    let Some(problem) = set.problem(random) else { return Ok(false) };
+    let Some(problem) = set.problem(random, budget) else { return Ok(false) };
     LOOK_WORK.store(problem.work(), Ordering::Relaxed);
-    let Ok(estimate) = problem.estimate_with(&options) else { return Ok(true) };
+    let Ok(estimate) = problem.estimate_within(&options, budget) else { return Ok(true) };
     checked(&estimate)?;
     Ok(true)
 }
@@ -209,7 +210,7 @@ fn lines(random: &mut Random, rings: &[SpaceRing]) -> Vec<SpaceRing> {
 }
 
 /// Regions cut by the border of the image or with hidden edges, their estimates too.
-pub fn border(random: &mut Random) -> Outcome {
+pub fn border(random: &mut Random, budget: &Budget) -> Outcome {
     let Some(mut set) = set(random, -3.0, 3.0) else { return Ok(false) };
     for observed in &mut set.observed {
         observed.borders = lines(random, &observed.rings.clone());
@@ -217,43 +218,43 @@ pub fn border(random: &mut Random) -> Outcome {
             observed.hidden = lines(random, &observed.rings.clone());
         }
     }
-    let Some(problem) = set.problem(random) else { return Ok(false) };
-    if let Ok(estimate) = problem.estimate_with(&options(random)) {
+    let Some(problem) = set.problem(random, budget) else { return Ok(false) };
+    if let Ok(estimate) = problem.estimate_within(&options(random), budget) {
         checked(&estimate)?;
     }
     Ok(true)
 }
 
 /// What contours show at any pose, and where they lead.
-pub fn contours(random: &mut Random) -> Outcome {
+pub fn contours(random: &mut Random, budget: &Budget) -> Outcome {
     let Some(set) = set(random, -13.0, 6.0) else { return Ok(false) };
-    let Some(problem) = set.problem(random) else { return Ok(false) };
+    let Some(problem) = set.problem(random, budget) else { return Ok(false) };
     let distance = magnitude(random, -1.0, 1.5);
     let pose = Pose::new(random.rotation(), random.direction() * distance);
     let step = 1 + random.index(4);
     let fit = if once_in(random, 2) {
-        ContourFit::at(problem.contours(), &pose, step)
+        ContourFit::at(problem.contours(), &pose, step, budget)
     } else {
-        refined(problem.contours(), &pose, step)
+        refined(problem.contours(), &pose, step, budget)
     };
     let Some(fit) = fit else { return Ok(true) };
     let shown = |value: &dyn Debug| format!("contour fit {value:?}");
     needed(fit.clean_shares().iter().all(|share| (0.0..=1.0).contains(share)), || shown(&fit.clean_shares()))?;
     needed(fit.mixture.sigma > 0.0 && fit.mixture.likelihood.is_finite(), || shown(&fit.mixture))?;
-    checked_covariance("contours", &covariance(problem.contours(), &fit))?;
+    checked_covariance("contours", &covariance(problem.contours(), &fit, budget))?;
     Ok(true)
 }
 
 /// Regions with samples inside and outside, mislabeled now and then.
-pub fn samples(random: &mut Random) -> Outcome {
+pub fn samples(random: &mut Random, budget: &Budget) -> Outcome {
     let Some(mut set) = set(random, -3.0, 3.0) else { return Ok(false) };
     let worlds = std::mem::take(&mut set.worlds);
     for world in worlds {
         let world = if once_in(random, 6) { world } else { with_samples(random, world) };
         set.worlds.push(world);
     }
-    let Some(problem) = set.problem(random) else { return Ok(false) };
-    if let Ok(estimate) = problem.estimate_with(&options(random)) {
+    let Some(problem) = set.problem(random, budget) else { return Ok(false) };
+    if let Ok(estimate) = problem.estimate_within(&options(random), budget) {
         checked(&estimate)?;
     }
     Ok(true)

@@ -127,7 +127,7 @@ def estimate_batch(
     """
 
 def work_counter() -> int:
-    """Work counted so far on this thread against the budgets of searches, in evaluated edges."""
+    """Work charged so far to the budgets of searches and meshes of this process, in evaluated edges."""
 
 _WarningParts = tuple[str, list[int], dict[str, float | str | tuple[float, ...]]]
 

@@ -13,7 +13,7 @@ use regionpose::internals::alignment::cloud_edges::{CloudEdges, EdgeOptions};
 use regionpose::internals::alignment::frame::{FINEST, Frame, PhotoView, SPREADS, SPREADS_PX};
 use regionpose::internals::alignment::pictures::{DIRECTIONS, LogRatios};
 use regionpose::internals::alignment::projection::Projection;
-use regionpose::internals::budget;
+use regionpose::internals::budget::Budget;
 
 /// Poses that take turns, so that the processor learns none of them.
 const POSES: usize = 16;
@@ -98,22 +98,23 @@ fn sums(criterion: &mut Criterion) {
     for (camera, frame) in &frames {
         for spread in [0, FINEST] {
             let name = |of: &str| format!("{of}/{camera}/{} px", SPREADS_PX[spread]);
+            let budget = Budget::unlimited();
+            let shown: usize = poses.iter().map(|pose| frame.log_ratio(pose, spread, &budget).1).sum();
+            let looked_at = budget.charged();
             let at_all = || {
                 for pose in &poses {
-                    black_box(frame.log_ratio(pose, spread));
+                    black_box(frame.log_ratio(pose, spread, &budget));
                 }
             };
-            let (_, looked_at) = budget::measured(at_all);
-            let shown: usize = poses.iter().map(|pose| frame.log_ratio(pose, spread).1).sum();
             println!("{camera}: {} edges a pose, {} shown", looked_at / POSES as u64, shown / POSES);
             criterion.bench_function(&name("log_ratio"), |b| by_edge(b, looked_at, at_all));
             let from_all = || {
                 for pose in &poses {
-                    black_box(frame.visible_edges(pose, spread));
+                    black_box(frame.visible_edges(pose, spread, &budget));
                 }
             };
             criterion.bench_function(&name("visible_edges"), |b| by_edge(b, looked_at, from_all));
-            let visible = frame.visible_edges(&poses[0], spread);
+            let visible = frame.visible_edges(&poses[0], spread, &budget);
             let held = visible.pixels(&poses[0]).0.len() as u64;
             let moved: Vec<_> = (0..POSES)
                 .map(|number| {

@@ -13,6 +13,7 @@ use std::f64::consts::TAU;
 use std::hint::black_box;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
+use regionpose::internals::budget::Budget;
 use regionpose::internals::equations::residual::{RegionEquations, cost, normal_equations};
 use regionpose::internals::equations::system::Weighting;
 use regionpose::internals::equations::whitening::Orders;
@@ -106,18 +107,18 @@ fn pose_from_nothing(problem: &Problem) {
 }
 
 #[inline(never)]
-fn uniform_cost(regions: &[RegionEquations], pose: &Pose) {
-    black_box(cost(regions, pose, Weighting::Uniform));
+fn uniform_cost(regions: &[RegionEquations], pose: &Pose, budget: &Budget) {
+    black_box(cost(regions, pose, Weighting::Uniform, budget));
 }
 
 #[inline(never)]
-fn uniform_equations(regions: &[RegionEquations], pose: &Pose) {
-    black_box(normal_equations(regions, pose, Weighting::Uniform));
+fn uniform_equations(regions: &[RegionEquations], pose: &Pose, budget: &Budget) {
+    black_box(normal_equations(regions, pose, Weighting::Uniform, budget));
 }
 
 #[inline(never)]
-fn whitened_equations(regions: &[RegionEquations], pose: &Pose) {
-    black_box(normal_equations(regions, pose, Weighting::Whitened));
+fn whitened_equations(regions: &[RegionEquations], pose: &Pose, budget: &Budget) {
+    black_box(normal_equations(regions, pose, Weighting::Whitened, budget));
 }
 
 #[inline(never)]
@@ -131,27 +132,27 @@ fn closed_form_poses(region: &RegionEquations, world: &WorldRegion) {
 }
 
 #[inline(never)]
-fn overlap(region: &RegionEquations, world: &WorldRegion, pose: &Pose) {
-    black_box(region_overlap(region, world, pose));
+fn overlap(region: &RegionEquations, world: &WorldRegion, pose: &Pose, budget: &Budget) {
+    black_box(region_overlap(region, world, pose, budget));
 }
 
 fn main() {
-    let mut random = Random(1);
+    let (mut random, budget) = (Random(1), Budget::unlimited());
     for _ in 0..SCENES {
         let scene = Scene::new(&mut random);
         let problem = problem(&scene);
         let pose = scene.pose.retract(&nalgebra::Vector6::repeat(1e-3));
         let origin = scene.worlds.iter().map(|world| world.frame().origin()).sum::<Vector3<f64>>() / REGIONS as f64;
         let centered = Pose::new(pose.rotation, pose.transform(&origin));
-        uniform_cost(problem.regions(), &centered);
-        uniform_equations(problem.regions(), &centered);
+        uniform_cost(problem.regions(), &centered, &budget);
+        uniform_equations(problem.regions(), &centered, &budget);
         for (region, world) in problem.regions().iter().zip(problem.worlds()) {
             closed_form_poses(region, world);
-            overlap(region, world, &pose);
+            overlap(region, world, &pose, &budget);
             black_box(whitening(region.clone()));
         }
         problem.regions().iter().for_each(|region| _ = region.count(Weighting::Whitened));
-        whitened_equations(problem.regions(), &centered);
+        whitened_equations(problem.regions(), &centered, &budget);
         pose_from_nothing(&problem);
     }
     println!(

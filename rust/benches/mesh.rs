@@ -5,6 +5,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::Vector2;
+use regionpose::internals::budget::Budget;
 use regionpose::internals::geometry::overlap::overlap_areas;
 use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::mesh::alpha_shape::alpha_shape;
@@ -31,7 +32,8 @@ fn plane_geometry(criterion: &mut Criterion) {
         criterion.bench_function(&format!("rings/{count}"), |b| b.iter(|| PlaneRings::polygon(vec![ring.clone()])));
     }
     let (observed, predicted) = (region(100, 0.0), region(100, 0.02));
-    criterion.bench_function("overlap/100", |b| b.iter(|| overlap_areas(black_box(&observed), &predicted)));
+    let budget = Budget::unlimited();
+    criterion.bench_function("overlap/100", |b| b.iter(|| overlap_areas(black_box(&observed), &predicted, &budget)));
     criterion.bench_function("triangulate/100", |b| b.iter(|| triangulate(&observed, MeshOptions::default())));
     let refined = MeshOptions::default().with_max_area(5e-4).with_min_angle(25.0);
     criterion.bench_function("triangulate/refined", |b| b.iter(|| triangulate(&observed, refined)));

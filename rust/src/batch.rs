@@ -6,12 +6,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 
-use crate::budget::TaskBudget;
+use crate::budget::Budget;
 use crate::error::{Error, Result};
 
 /// `solve` of every problem, in order, on `threads` threads (all cores when `None`); the same whatever their number. A problem that
-/// panics has that error in its place ([`Error::Panicked`]), and the others have their answers. Where `solve` itself solves many
-/// problems, each of them has a bound of its own all the same.
+/// panics has that error in its place ([`Error::Panicked`]), and the others have their answers.
 ///
 /// ```
 /// # use nalgebra::Vector3;
@@ -39,6 +38,19 @@ pub fn in_parallel<P: Sync, A: Send>(
     threads: Option<usize>,
     solve: impl Fn(&P) -> Result<A> + Sync,
 ) -> Result<Vec<Result<A>>> {
+    in_parallel_within(problems, threads, |problem, _| solve(problem), &Budget::unlimited())
+}
+
+/// The same within a budget: each problem has what is left of it now, and it is charged with their sum.
+///
+/// # Errors
+/// As of [`in_parallel`].
+pub fn in_parallel_within<P: Sync, A: Send>(
+    problems: &[P],
+    threads: Option<usize>,
+    solve: impl Fn(&P, &Budget) -> Result<A> + Sync,
+    budget: &Budget,
+) -> Result<Vec<Result<A>>> {
     if threads == Some(0) {
         return Err(Error::InvalidOption { item: "threads", found: "0".into(), needed: "at least 1".into() });
     }
@@ -48,11 +60,16 @@ pub fn in_parallel<P: Sync, A: Send>(
         .build()
         .map_err(|error| Error::Threads { reason: error.to_string() })?;
     // Nothing is shared that a panic could leave half done.
-    let guarded =
-        |problem| catch_unwind(AssertUnwindSafe(|| solve(problem))).unwrap_or_else(|held| Err(panicked(&*held)));
-    let carried = TaskBudget::new();
-    let solved: Vec<_> = pool.install(|| problems.par_iter().map(|problem| carried.run(|| guarded(problem))).collect());
-    carried.end(solved.iter().map(|(_, counted)| counted).sum());
+    let guarded = |problem, budget: &Budget| {
+        catch_unwind(AssertUnwindSafe(|| solve(problem, budget))).unwrap_or_else(|held| Err(panicked(&*held)))
+    };
+    let tasks = budget.for_tasks();
+    let task = |problem| {
+        let budget = tasks.begin();
+        (guarded(problem, &budget), budget.charged())
+    };
+    let solved: Vec<_> = pool.install(|| problems.par_iter().map(task).collect());
+    budget.charge_sum(solved.iter().map(|(_, charged)| charged).sum());
     Ok(solved.into_iter().map(|(answer, _)| answer).collect())
 }
 

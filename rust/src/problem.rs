@@ -4,6 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use nalgebra::Vector3;
 
+use crate::budget::Budget;
 use crate::contour::creases::{Crease, creases};
 use crate::contour::readings::Contour;
 use crate::equations::facet::Integration;
@@ -20,7 +21,7 @@ use crate::samples::margin::SampledRegion;
 const NOISE_FLOOR: f64 = 0.1;
 
 /// Work budget of a search, its least squares and its verdict each, in evaluations of all of the problem: more than problems of the
-/// studies `trust` and `mistakes` take altogether, up to 1,987 (`_core.work_done`, `_core.Problem.work`).
+/// studies `trust` and `mistakes` take altogether, up to 1,987 (`_core.work_counter`, `_core.Problem.work`).
 pub const MAX_EVALUATIONS: u64 = 2_500;
 
 /// Pairs of regions, observed in one image and given in the world, ready to be solved.
@@ -86,6 +87,18 @@ impl Problem {
         system: System,
         integration: Integration,
     ) -> Result<Self> {
+        Self::new_within(observed, worlds, system, integration, &Budget::unlimited())
+    }
+
+    /// The same within a budget.
+    #[doc(hidden)]
+    pub fn new_within(
+        observed: &[ObservedRegion],
+        worlds: &[WorldRegion],
+        system: System,
+        integration: Integration,
+        budget: &Budget,
+    ) -> Result<Self> {
         if observed.len() != worlds.len() || observed.is_empty() {
             return Err(Error::Unpaired { observed: observed.len(), world: worlds.len() });
         }
@@ -93,7 +106,8 @@ impl Problem {
         let pairs = observed.iter().zip(worlds).enumerate();
         let regions: Vec<RegionEquations> = pairs
             .map(|(index, (observed, world))| {
-                RegionEquations::new(observed, world, &origin, system, integration).map_err(|e| e.in_region(index))
+                RegionEquations::new(observed, world, &origin, system, integration, budget)
+                    .map_err(|e| e.in_region(index))
             })
             .collect::<Result<_>>()?;
         let contours = Contour::all(&regions, worlds, &origin).into();
@@ -110,9 +124,9 @@ impl Problem {
     }
 
     /// The same with the world sides by fewer vertices, for coarse evaluations.
-    pub(crate) fn coarse(&self) -> &[RegionEquations] {
+    pub(crate) fn coarse(&self, budget: &Budget) -> &[RegionEquations] {
         let pairs = || self.regions.iter().zip(self.worlds.iter());
-        self.coarse.get_or_init(|| pairs().map(|(region, world)| region.coarse(world, &self.origin)).collect())
+        self.coarse.get_or_init(|| pairs().map(|(region, world)| region.coarse(world, &self.origin, budget)).collect())
     }
 
     /// The same with integrals of planes along their boundaries, where any is over a mesh: a search takes thousands of evaluations,
@@ -160,8 +174,8 @@ impl Problem {
 
     /// The straight edges that two regions share, as far as their outlines and planes show any.
     #[doc(hidden)]
-    pub fn creases(&self) -> &[Crease] {
-        self.creases.get_or_init(|| creases(&self.regions, &self.worlds, &self.origin).into())
+    pub fn creases(&self, budget: &Budget) -> &[Crease] {
+        self.creases.get_or_init(|| creases(&self.regions, &self.worlds, &self.origin, budget).into())
     }
 
     /// The part of a crease's line in the world that a pose shows between the ends of the edge, `camera_from_world`.
@@ -170,7 +184,7 @@ impl Problem {
         crease.segment(&self.centered(pose)).map(|place| place + self.origin)
     }
 
-    /// Cost of one evaluation of all of the problem (`budget`): its moments, the pieces of its contours, its samples.
+    /// Cost of one evaluation of all of the problem, in edge evaluations: its moments, the pieces of its contours, its samples.
     #[doc(hidden)]
     pub fn work(&self) -> u64 {
         let regions =
@@ -196,7 +210,7 @@ impl Problem {
 
     /// Residuals and derivatives at `camera_from_world`; `None` where a region is out of view.
     pub fn evaluate(&self, pose: &Pose, weighting: Weighting) -> Option<Evaluation> {
-        evaluate(&self.regions, &self.centered(pose), weighting)
+        evaluate(&self.regions, &self.centered(pose), weighting, &Budget::unlimited())
     }
 
     /// Residuals at a pose moved by a left increment, and their derivatives by that increment.

@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use nalgebra::{Vector2, Vector3};
 
+use crate::budget::Budget;
 use crate::error::{Error, Result};
 use crate::geometry::edge_field::EdgeField;
 use crate::geometry::rings::PlaneRings;
@@ -282,13 +283,13 @@ impl WorldRegion {
     }
 
     /// The outline's rings by fewer vertices, in plane coordinates, for coarse evaluations.
-    pub(crate) fn coarse(&self) -> &[Vec<Vector2<f64>>] {
-        self.derived.coarse(&self.outline)
+    pub(crate) fn coarse(&self, budget: &Budget) -> &[Vec<Vector2<f64>>] {
+        self.derived.coarse(&self.outline, budget)
     }
 
     /// The corners of each boundary ring, world.
-    pub(crate) fn corners(&self) -> &[Vec<Vector3<f64>>] {
-        self.derived.corners(&self.outline, || self.rings())
+    pub(crate) fn corners(&self, budget: &Budget) -> &[Vec<Vector3<f64>>] {
+        self.derived.corners(&self.outline, || self.rings(), budget)
     }
 
     /// The outline's shape whatever affine map it is seen under; `None` where it is too slender for one.

@@ -25,7 +25,7 @@ use closed_form::closed_form;
 use moments::{FINAL, SingleRegionCache, Starts, moment_poses, paper_poses};
 use screen::CandidateScreen;
 
-use crate::budget;
+use crate::budget::Budget;
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
 use crate::equations::least_squares::{Minimum, minimize};
@@ -70,14 +70,20 @@ impl Problem {
     ///
     /// Regions whose samples are uninformative at all of them are compared by their outlines alone.
     pub fn search(&self, options: &Options) -> Search {
-        let search = self.bounded_search(options);
-        match search.with_informative_samples() {
-            Some(problem) => problem.bounded_search(options),
+        self.search_within(options, &Budget::unlimited())
+    }
+
+    /// The same within a budget.
+    #[doc(hidden)]
+    pub fn search_within(&self, options: &Options, budget: &Budget) -> Search {
+        let search = self.bounded_search(options, budget);
+        match search.with_informative_samples(budget) {
+            Some(problem) => problem.bounded_search(options, budget),
             None => search,
         }
     }
 
-    fn bounded_search(&self, options: &Options) -> Search {
+    fn bounded_search(&self, options: &Options, budget: &Budget) -> Search {
         let sketch = self.by_boundary();
         let first = sketch.as_ref().unwrap_or(self);
         // Where several regions have samples, poses by outlines are starts: refining them gains nothing. A single outline may be
@@ -85,15 +91,15 @@ impl Problem {
         let is_sampled = self.regions().len() > 1 && self.has_samples_on_all_edges();
         let refinement = if is_sampled { Refinement::Off } else { options.refinement };
         let options = Options { refinement, ..*options };
-        let (search, exhausted) = budget::limited(first.most_work(), || first.searched(&options));
+        let (search, exhausted) = budget.limited(first.most_work(), |budget| first.searched(&options, budget));
         Search { exhausted, problem: search.problem.integrated_as(self), ..search }
     }
 
-    fn searched(&self, options: &Options) -> Search {
-        let (mut screen, mut cache) = (CandidateScreen::new(self, options), SingleRegionCache::default());
+    fn searched(&self, options: &Options, budget: &Budget) -> Search {
+        let (mut screen, mut cache) = (CandidateScreen::new(self, options, budget), SingleRegionCache::default());
         let poses = match options.start {
-            Start::Global => self.global_poses(options, &mut screen, &mut cache),
-            Start::Paper => paper_poses(self, &options.prior),
+            Start::Global => self.global_poses(options, &mut screen, &mut cache, budget),
+            Start::Paper => paper_poses(self, &options.prior, budget),
         };
         let first = poses.first().and_then(|pose| screen.at(pose));
         let (noise, clean) = first.map_or((0.0, false), |fit| (fit.noise(), fit.is_clean()));
@@ -101,10 +107,13 @@ impl Problem {
         let clean = clean && !self.hides_edges();
         let orders = if clean { Orders::All } else { Orders::Low };
         let problem = self.whitened(noise, orders);
-        let starts = if self.sampled().is_empty() { Vec::new() } else { self.starts(&screen.prior_poses, &poses) };
+        let starts =
+            if self.sampled().is_empty() { Vec::new() } else { self.starts(&screen.prior_poses, &poses, budget) };
         let found = match options.refinement {
-            Refinement::Contour if !clean => refined_on_contours(&problem, poses, &options.prior, &screen, &mut cache),
-            _ => Candidates::NearMinima(whitened_minima(&problem, poses, &options.prior)),
+            Refinement::Contour if !clean => {
+                refined_on_contours(&problem, poses, &options.prior, &screen, &mut cache, budget)
+            }
+            _ => Candidates::NearMinima(whitened_minima(&problem, poses, &options.prior, budget)),
         };
         Search { problem, options: *options, found, starts, exhausted: false }
     }
@@ -114,27 +123,29 @@ impl Problem {
         options: &Options,
         screen: &mut CandidateScreen,
         cache: &mut SingleRegionCache,
+        budget: &Budget,
     ) -> Vec<Pose> {
         let prior_poses = screen.prior_poses.clone();
         let explains = |pose: &Pose| screen.explains(pose);
-        let poses = moment_poses(self, &options.prior, &prior_poses, Starts::Likely, cache, explains);
+        let poses = moment_poses(self, &options.prior, &prior_poses, Starts::Likely, cache, explains, budget);
         let cut = self.regions().iter().any(|region| region.border().is_some());
         // Of several disturbed regions, candidates are refined on the contours.
         let enough = self.regions().len() > 1 && !cut && options.refinement == Refinement::Contour;
         match poses.first() {
             Some(pose) if enough || screen.explains(pose) => poses,
-            _ => moment_poses(self, &options.prior, &prior_poses, Starts::All, cache, |_| false),
+            _ => moment_poses(self, &options.prior, &prior_poses, Starts::All, cache, |_| false, budget),
         }
     }
 
     /// Starts of the inference from samples: poses of the prior, of centroids, and of the outlines, and closed forms of the regions
     /// with samples, unrefined, since disturbed outlines may pull these away.
-    fn starts(&self, prior_poses: &[Pose], found: &[Pose]) -> Vec<Pose> {
+    fn starts(&self, prior_poses: &[Pose], found: &[Pose], budget: &Budget) -> Vec<Pose> {
         let closed = self.sampled().iter().flat_map(|sampled| {
             let (region, world) = (&self.regions()[sampled.index()], &self.worlds()[sampled.index()]);
             closed_form(region.chart(), region.outline(), world, self.origin())
         });
-        prior_poses.iter().copied().chain(centroid_poses(self)).chain(found.iter().copied()).chain(closed).collect()
+        let centroids = centroid_poses(self, budget);
+        prior_poses.iter().copied().chain(centroids).chain(found.iter().copied()).chain(closed).collect()
     }
 }
 
@@ -155,7 +166,12 @@ impl Search {
     /// The minimum of the whitened equations that is reached from a candidate, `camera_from_world`; over a mesh from that along
     /// the boundary, where there is one.
     pub fn solve_from(&self, candidate: &Pose) -> Minimum {
-        let solved = |problem: &Problem, start| minimize(problem.regions(), start, Weighting::Whitened, FINAL);
+        self.solve_within(candidate, &Budget::unlimited())
+    }
+
+    /// The same within a budget.
+    pub(crate) fn solve_within(&self, candidate: &Pose, budget: &Budget) -> Minimum {
+        let solved = |problem: &Problem, start| minimize(problem.regions(), start, Weighting::Whitened, FINAL, budget);
         let start = self.problem.centered(candidate);
         let along = self.problem.by_boundary().map(|sketch| solved(&sketch, &start));
         let minimum = match along {
@@ -168,7 +184,7 @@ impl Search {
 
     /// The problem without the samples of regions that are uninformative at every candidate pose of the outlines; `None` where
     /// those of all regions are informative.
-    fn with_informative_samples(&self) -> Option<Problem> {
+    fn with_informative_samples(&self, budget: &Budget) -> Option<Problem> {
         let (problem, contours) = (&self.problem, self.problem.contours());
         if problem.sampled().is_empty() {
             return None;
@@ -176,10 +192,11 @@ impl Search {
         let fits: Vec<ContourFit> = match &self.found {
             Candidates::OnContours(fits) => fits.clone(),
             Candidates::NearMinima(poses) => {
-                poses.iter().filter_map(|pose| ContourFit::at(contours, pose, problem.coarse_stride())).collect()
+                let at = |pose: &Pose| ContourFit::at(contours, pose, problem.coarse_stride(), budget);
+                poses.iter().filter_map(at).collect()
             }
         };
-        let answer = |fit: &ContourFit| (fit.pose, covariance(contours, fit), fit.mixture.sigma);
-        problem.with_informative_samples_at(&fits.iter().map(answer).collect::<Vec<_>>())
+        let answer = |fit: &ContourFit| (fit.pose, covariance(contours, fit, budget), fit.mixture.sigma);
+        problem.with_informative_samples_at(&fits.iter().map(answer).collect::<Vec<_>>(), budget)
     }
 }

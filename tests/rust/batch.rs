@@ -2,7 +2,8 @@
 
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Scene};
-use regionpose::internals::budget;
+use regionpose::internals::batch::in_parallel_within;
+use regionpose::internals::budget::Budget;
 use regionpose::{Estimate, Integration, Problem, Result, System, in_parallel};
 
 fn scenes() -> Vec<Scene> {
@@ -87,28 +88,29 @@ fn zero_threads_are_refused() {
     assert_eq!(message, "threads is 0; it needs to be at least 1");
 }
 
-/// A pool's threads take up other problems while one waits for a pool of its own: what those count is not taken from its bound, and
-/// each has what the caller had left.
+/// A pool's threads take up other problems while one waits for a pool of its own: what those are charged is not taken from its limit,
+/// and each has what the caller had left.
 #[test]
-fn problems_within_problems_have_bounds_of_their_own() {
+fn problems_within_problems_have_limits_of_their_own() {
     let outer: Vec<u32> = (0..8).collect();
-    let solve = |_: &u32| {
-        let (spent_before, exhausted) = budget::limited(1_000, || {
-            budget::charge(400);
-            let inner = in_parallel(&outer, Some(2), |_| {
-                let before = budget::is_exhausted();
-                budget::charge(10);
-                std::thread::yield_now();
-                Ok(before || budget::is_exhausted())
-            });
+    let part = |_: &u32, budget: &Budget| {
+        let before = budget.is_exhausted();
+        budget.charge(10);
+        std::thread::yield_now();
+        Ok(before || budget.is_exhausted())
+    };
+    let solve = |_: &u32, budget: &Budget| {
+        let (spent_before, exhausted) = budget.limited(1_000, |budget| {
+            budget.charge(400);
+            let inner = in_parallel_within(&outer, Some(2), part, budget);
             let inner: Vec<bool> = inner.unwrap().into_iter().collect::<Result<_>>().unwrap();
-            (inner.into_iter().any(|spent| spent), budget::is_exhausted())
+            (inner.into_iter().any(|spent| spent), budget.is_exhausted())
         });
         Ok((spent_before, exhausted))
     };
-    let (solved, counted) = budget::measured(|| in_parallel(&outer, Some(2), solve).unwrap());
-    for each in solved {
+    let budget = Budget::unlimited();
+    for each in in_parallel_within(&outer, Some(2), solve, &budget).unwrap() {
         assert_eq!(each.unwrap(), ((false, false), false), "480 of 1,000 are spent");
     }
-    assert_eq!(counted, 8 * 480);
+    assert_eq!(budget.charged(), 8 * 480);
 }

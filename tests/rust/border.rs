@@ -5,6 +5,7 @@ use crate::support::jacobian::assert_jacobian;
 use crate::support::random::Random;
 use crate::support::scene::{FOCAL, Ring, SpaceRing, placed, rectangle, rendered, seen_plane};
 use nalgebra::{DVector, Vector2, Vector3};
+use regionpose::internals::budget::Budget;
 use regionpose::internals::equations::system::Weighting;
 use regionpose::internals::geometry::pose::Tangent;
 use regionpose::internals::verdict::coverage::region_overlap;
@@ -84,7 +85,7 @@ fn at_the_true_pose_the_cut_prediction_is_what_was_observed() {
             let problem = scene.problem(world.clone(), system);
             let residual = problem.evaluate(&scene.pose, Weighting::Uniform).unwrap().residual;
             assert!(residual.amax() < 1e-10, "seed {seed}: {}", residual.amax());
-            let overlap = region_overlap(&problem.regions()[0], &world, &scene.pose);
+            let overlap = region_overlap(&problem.regions()[0], &world, &scene.pose, &Budget::unlimited());
             assert!(overlap.error() < 1e-10, "seed {seed}: {overlap:?}");
             // The whole prediction is another region altogether.
             let whole = ObservedRegion { borders: Vec::new(), ..scene.observed.clone() };

@@ -3,6 +3,7 @@
 use i_overlay::core::{fill_rule::FillRule, overlay_rule::OverlayRule};
 use i_overlay::float::single::SingleFloatOverlay;
 use nalgebra::Vector2;
+use regionpose::internals::budget::Budget;
 use regionpose::internals::geometry::clipping::{Window, intersection};
 use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::moments::plane::planar_moments;
@@ -32,7 +33,7 @@ fn area_by_grid(rule: OverlayRule, first: &[Ring], second: &[Ring]) -> f64 {
 
 /// Asserts that an intersection covers what the other library's does, and that its border lies on the second region.
 fn assert_shared(seed: u64, first: &PlaneRings, second: &PlaneRings) {
-    let shared = intersection(first.rings(), second.rings());
+    let shared = intersection(first.rings(), second.rings(), &Budget::unlimited());
     let expected = area_by_grid(OverlayRule::Intersect, first.rings(), second.rings());
     let found = area(&shared.rings);
     assert!((found - expected).abs() < OF_GRID, "seed {seed}: {found}, {expected} by the other library");
@@ -100,7 +101,7 @@ fn many_rings_share_what_another_library_finds() {
 #[test]
 fn outlines_that_touch_or_coincide_share_what_they_should() {
     let square = |x: f64, y: f64| rectangle(1.0, 1.0).iter().map(|p| p + Vector2::new(x, y)).collect::<Ring>();
-    let shared = |other: Ring| area(&intersection(&[square(0.0, 0.0)], &[other]).rings);
+    let shared = |other: Ring| area(&intersection(&[square(0.0, 0.0)], &[other], &Budget::unlimited()).rings);
     let corners = [[0.0, -0.5], [0.5, 0.0], [0.0, 0.5], [-0.5, 0.0]].map(|[x, y]| Vector2::new(x, y)).to_vec();
     for (other, expected) in [
         (square(0.0, 0.0), 1.0),
@@ -123,7 +124,7 @@ fn a_hole_that_the_border_cuts_is_left_out() {
     let outer = rectangle(2.0, 2.0);
     let hole: Ring = rectangle(1.0, 1.0).into_iter().rev().collect();
     let half = rectangle(2.0, 4.0).iter().map(|p| p + Vector2::new(1.0, 0.0)).collect();
-    let shared = intersection(&[outer, hole], &[half]);
+    let shared = intersection(&[outer, hole], &[half], &Budget::unlimited());
     assert!((area(&shared.rings) - 1.5).abs() < ROUNDING);
     let border: f64 = shared.border.iter().map(|[a, b]| (b - a).norm()).sum();
     assert!((border - 1.0).abs() < ROUNDING, "the border is seen on both sides of the hole: {border}");
@@ -142,11 +143,11 @@ fn many_edges_share_what_few_do() {
     {
         let window = Window::new(second.clone());
         assert_eq!(window.edge_count(), 4 * second.len());
-        let shared = window.shared_with(first);
+        let shared = window.shared_with(first, &Budget::unlimited());
         assert_eq!((shared.rings.len(), shared.border.len()), (teeth, edges));
         assert!((area(&shared.rings) - 0.5 * teeth as f64).abs() < 1e-9, "{}", area(&shared.rings));
         assert!((length(&shared.border) - border).abs() < 1e-9, "{}", length(&shared.border));
         // It is not used up.
-        assert_eq!(window.shared_with(first), shared);
+        assert_eq!(window.shared_with(first, &Budget::unlimited()), shared);
     }
 }

@@ -6,6 +6,7 @@ use crate::support::scene::{
 };
 use nalgebra::{Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
+use regionpose::internals::budget::Budget;
 use regionpose::internals::equations::least_squares::{TerminationCriteria, minimize};
 use regionpose::internals::equations::system::Weighting;
 use regionpose::internals::geometry::rings::PlaneRings;
@@ -203,7 +204,9 @@ fn facing_solves(scene: &Scene, up: &Vector3<f64>, system: System) -> bool {
     let problem = scene.problem(system, Integration::Boundary);
     let (region, world) = (&problem.regions()[0], &scene.worlds[0]);
     let starts = facing(region.chart(), region.outline(), world, world.frame().origin(), Some(up));
-    let mut ends = starts.iter().map(|start| minimize(problem.regions(), start, Weighting::Uniform, PATIENT).pose);
+    let mut ends = starts
+        .iter()
+        .map(|start| minimize(problem.regions(), start, Weighting::Uniform, PATIENT, &Budget::unlimited()).pose);
     ends.any(|pose| pose.angle_to(&scene.pose) < SOLVED)
 }
 

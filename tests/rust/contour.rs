@@ -6,6 +6,7 @@ use crate::support::random::Random;
 use crate::support::scene::{FOCAL, Layout, Scene, SpaceRing};
 use nalgebra::{DVector, Matrix6, Vector3};
 use proptest::prelude::*;
+use regionpose::internals::budget::Budget;
 use regionpose::internals::contour::fit::{ContourFit, refined};
 use regionpose::internals::contour::readings::Reading;
 use regionpose::internals::equations::normal_equations::NormalEquations;
@@ -81,8 +82,8 @@ fn few_pieces_read_as_they_do_among_all() {
     let pose = problem.centered(&scene.pose.retract(&Random::new(6).tangent(0.02, 0.05)));
     for contour in problem.contours() {
         let (mut all, mut few) = (Vec::new(), Vec::new());
-        contour.read(&pose, 1, &mut all).unwrap();
-        contour.read(&pose, 7, &mut few).unwrap();
+        contour.read(&pose, 1, &mut all, &Budget::unlimited()).unwrap();
+        contour.read(&pose, 7, &mut few, &Budget::unlimited()).unwrap();
         assert_eq!((all.len(), few.len()), (contour.count(1), contour.count(7)));
         assert_eq!(few, all.into_iter().step_by(7).collect::<Vec<_>>());
     }
@@ -97,8 +98,10 @@ fn normal_equations_are_sums_over_the_rows() {
     let mut equations = NormalEquations::default();
     for contour in problem.contours() {
         let mut before = Vec::new();
-        contour.read(&problem.centered(&pose), 1, &mut before).unwrap();
-        contour.add_normal_equations(&problem.centered(&pose), 1, &before, weight, &mut equations).unwrap();
+        contour.read(&problem.centered(&pose), 1, &mut before, &Budget::unlimited()).unwrap();
+        contour
+            .add_normal_equations(&problem.centered(&pose), 1, &before, weight, &mut equations, &Budget::unlimited())
+            .unwrap();
     }
     let (mut matrix, mut gradient) = (Matrix6::zeros(), Tangent::zeros());
     for (reading, row) in rows(&problem, &pose) {
@@ -117,8 +120,10 @@ fn pieces_that_are_followed_along_the_boundary_find_their_nearest_edges() {
         let pose = problem.centered(&scene.pose.retract(&Random::new(seed).tangent(3e-4, 1e-3)));
         for contour in problem.contours() {
             let (mut nearest, mut followed) = (Vec::new(), Vec::new());
-            contour.read(&pose, 1, &mut nearest).unwrap();
-            contour.for_each_row(&pose, 1, None, 2.0, |reading, _, _| followed.push(reading)).unwrap();
+            contour.read(&pose, 1, &mut nearest, &Budget::unlimited()).unwrap();
+            contour
+                .for_each_row(&pose, 1, None, 2.0, |reading, _, _| followed.push(reading), &Budget::unlimited())
+                .unwrap();
             let off = nearest
                 .iter()
                 .zip(&followed)
@@ -135,8 +140,8 @@ fn a_pose_that_shows_nothing_has_no_readings() {
     let behind = Pose::new(scene.pose.rotation, scene.pose.translation - Vector3::z() * 20.0);
     let problem = problem(&scene, &scene.observed);
     assert!(readings(&problem, &behind).is_none());
-    assert!(ContourFit::at(problem.contours(), &problem.centered(&behind), 1).is_none());
-    assert!(refined(problem.contours(), &problem.centered(&behind), 1).is_none());
+    assert!(ContourFit::at(problem.contours(), &problem.centered(&behind), 1, &Budget::unlimited()).is_none());
+    assert!(refined(problem.contours(), &problem.centered(&behind), 1, &Budget::unlimited()).is_none());
 }
 
 #[test]
@@ -230,7 +235,7 @@ fn a_refined_pose_is_likelier_than_its_start() {
         let observed = all_bitten(&scene, 1.0);
         let problem = problem(&scene, &observed);
         let likelihood = |pose: &Pose| {
-            let fit = ContourFit::at(problem.contours(), &problem.centered(pose), 1).unwrap();
+            let fit = ContourFit::at(problem.contours(), &problem.centered(pose), 1, &Budget::unlimited()).unwrap();
             fit.mixture.likelihood
         };
         // A robust sum: distances count up to two pixels.
@@ -239,8 +244,8 @@ fn a_refined_pose_is_likelier_than_its_start() {
         let contours = estimated(&scene, &observed, Refinement::Contour).best.pose;
         assert!(likelihood(&contours) > likelihood(&moments) && sum(&contours) < sum(&moments), "seed {seed}");
         let start = problem.centered(&scene.pose.retract(&Random::new(seed).tangent(0.02, 0.05)));
-        let at_start = ContourFit::at(problem.contours(), &start, 1).unwrap();
-        let fit = refined(problem.contours(), &start, 1).unwrap();
+        let at_start = ContourFit::at(problem.contours(), &start, 1, &Budget::unlimited()).unwrap();
+        let fit = refined(problem.contours(), &start, 1, &Budget::unlimited()).unwrap();
         assert!(fit.mixture.likelihood > at_start.mixture.likelihood, "seed {seed}");
         assert!(
             fit.gain_over(&at_start) > 0.0

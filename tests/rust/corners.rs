@@ -4,6 +4,7 @@ use crate::support::random::Random;
 use crate::support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, angle_piece};
 use nalgebra::{Rotation2, Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
+use regionpose::internals::budget::Budget;
 use regionpose::internals::geometry::simplified::simplified;
 use regionpose::internals::search::corners::{corner_poses, is_plausible, projected_area, triangle_poses};
 use regionpose::internals::view::chart::Chart;
@@ -28,7 +29,7 @@ fn a_sampled_outline_keeps_its_corners_only() {
     let ring = angle_piece(1.0);
     for turn in 0..60 {
         let turned: Ring = ring.iter().map(|p| Rotation2::new(turn as f64 * 0.1) * p).collect();
-        let corners = simplified(&sampled(&mut random, &turned, 40, 0.004), 0.02);
+        let corners = simplified(&sampled(&mut random, &turned, 40, 0.004), 0.02, &Budget::unlimited());
         assert_eq!(corners.len(), ring.len(), "turn {turn}");
         for corner in &turned {
             let nearest = corners.iter().map(|p| (p - corner).norm()).fold(f64::INFINITY, f64::min);
@@ -41,7 +42,7 @@ fn a_sampled_outline_keeps_its_corners_only() {
 fn a_circle_keeps_corners_as_dense_as_the_tolerance_asks() {
     // A chord over the angle a lies 1 - cos(a / 2) off its arc.
     let circle: Ring = (0..720).map(|k| Rotation2::new(f64::from(k) * 0.5_f64.to_radians()) * Vector2::x()).collect();
-    let corners = simplified(&circle, 0.015);
+    let corners = simplified(&circle, 0.015, &Budget::unlimited());
     let widest = 2.0 * (1.0 - 0.015_f64).acos();
     assert!(corners.len() as f64 >= std::f64::consts::TAU / (widest + 0.02), "{}", corners.len());
     assert!((corners.len() as f64) < 2.5 * std::f64::consts::TAU / widest, "{}", corners.len());
@@ -62,7 +63,7 @@ proptest! {
         let scene = Scene::of_shapes(&mut random, shapes, Layout { front, ..Layout::default() });
         let (chart, outline) = Chart::of(&scene.observed[0].rings).unwrap();
         let origin = random.direction() * 3.0;
-        let poses = corner_poses(&chart, &outline, &scene.worlds[0], &origin, pixel(&scene), usize::MAX);
+        let poses = corner_poses(&chart, &outline, &scene.worlds[0], &origin, pixel(&scene), usize::MAX, &Budget::unlimited());
         let least = poses.iter().map(|pose| error(&scene, pose, &origin)).fold(f64::INFINITY, f64::min);
         prop_assert!(least < 1e-6, "{least:.1e} of {}", poses.len());
     }
@@ -72,7 +73,7 @@ proptest! {
         let scene = Scene::random(&mut Random::new(seed), Layout::default());
         let (chart, outline) = Chart::of(&scene.observed[0].rings).unwrap();
         let (world, origin) = (&scene.worlds[0], Vector3::zeros());
-        let poses = corner_poses(&chart, &outline, world, &origin, pixel(&scene), 10);
+        let poses = corner_poses(&chart, &outline, world, &origin, pixel(&scene), 10, &Budget::unlimited());
         prop_assert!(poses.len() <= 40);
         for pose in &poses {
             prop_assert!(projected_area(&chart, &world.rings(), pose).is_none_or(|area| area > 0.3 && area < 3.4));
@@ -87,7 +88,7 @@ proptest! {
         let ring = vec![Vector2::new(-0.6, -0.4), Vector2::new(0.7, -0.3), Vector2::new(0.1, 0.8)];
         let scene = Scene::of_shapes(&mut random, vec![vec![ring]], Layout::default());
         let (chart, outline) = Chart::of(&scene.observed[0].rings).unwrap();
-        let poses = triangle_poses(&chart, &outline, &scene.worlds[0], &Vector3::zeros(), pixel(&scene));
+        let poses = triangle_poses(&chart, &outline, &scene.worlds[0], &Vector3::zeros(), pixel(&scene), &Budget::unlimited());
         let least = poses.iter().map(|pose| error(&scene, pose, &Vector3::zeros())).fold(f64::INFINITY, f64::min);
         prop_assert!(least < 1e-6, "{least:.1e}");
         prop_assert!(poses.len() <= 24);
@@ -103,7 +104,10 @@ proptest! {
 fn other_shapes_are_no_triangles() {
     let scene = Scene::random(&mut Random::new(4), Layout::default());
     let (chart, outline) = Chart::of(&scene.observed[0].rings).unwrap();
-    assert!(triangle_poses(&chart, &outline, &scene.worlds[0], &Vector3::zeros(), pixel(&scene)).is_empty());
+    assert!(
+        triangle_poses(&chart, &outline, &scene.worlds[0], &Vector3::zeros(), pixel(&scene), &Budget::unlimited())
+            .is_empty()
+    );
 }
 
 #[test]

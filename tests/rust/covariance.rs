@@ -4,6 +4,7 @@ use crate::support::contours::{all_bitten, clicked};
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Ring, Scene, angle_piece, regular};
 use nalgebra::{Matrix6, Rotation3, Vector3, Vector6};
+use regionpose::internals::budget::Budget;
 use regionpose::internals::contour::covariance::covariance;
 use regionpose::internals::contour::degrees_of_freedom::residual_dof;
 use regionpose::internals::contour::fit::refined;
@@ -20,11 +21,11 @@ fn mahalanobis(random: &mut Random, shapes: Vec<Vec<Ring>>, sigma: f64) -> f64 {
     let observed: Vec<_> = scene.observed.iter().map(|region| clicked(region, sigma, random)).collect();
     let problem = Problem::new(&observed, &scene.worlds).unwrap();
     let truth = problem.centered(&scene.pose);
-    let fit = refined(problem.contours(), &truth, 1).unwrap();
+    let fit = refined(problem.contours(), &truth, 1, &Budget::unlimited()).unwrap();
     let turn: Rotation3<f64> = truth.rotation * fit.pose.rotation.inverse();
     let (omega, tau) = (turn.scaled_axis(), truth.translation - turn * fit.pose.translation);
     let rest = Vector6::new(omega.x, omega.y, omega.z, tau.x, tau.y, tau.z);
-    rest.dot(&(covariance(problem.contours(), &fit).try_inverse().unwrap() * rest))
+    rest.dot(&(covariance(problem.contours(), &fit, &Budget::unlimited()).try_inverse().unwrap() * rest))
 }
 
 #[test]
@@ -71,8 +72,8 @@ fn it_is_symmetric_and_positive() {
     let layout = Layout { regions: 2, offset: 0.0, axis: Some(Vector3::z()), ..Layout::default() };
     let scene = Scene::random(&mut Random::new(12), layout);
     let problem = Problem::new(&all_bitten(&scene, 1.0), &scene.worlds).unwrap();
-    let fit = refined(problem.contours(), &problem.centered(&scene.pose), 1).unwrap();
-    let bitten = covariance(problem.contours(), &fit);
+    let fit = refined(problem.contours(), &problem.centered(&scene.pose), 1, &Budget::unlimited()).unwrap();
+    let bitten = covariance(problem.contours(), &fit, &Budget::unlimited());
     let scale = Matrix6::from_diagonal(&bitten.diagonal().map(|variance| variance.sqrt().recip()));
     let correlation = scale * bitten * scale;
     assert!((correlation - correlation.transpose()).amax() < 1e-9);
@@ -83,8 +84,8 @@ fn it_is_symmetric_and_positive() {
 fn a_pose_in_no_view_has_no_covariance() {
     let scene = Scene::random(&mut Random::new(2), Layout { regions: 1, ..Layout::default() });
     let problem = scene.problem(System::Plane, Integration::Boundary);
-    let mut fit = refined(problem.contours(), &problem.centered(&scene.pose), 1).unwrap();
+    let mut fit = refined(problem.contours(), &problem.centered(&scene.pose), 1, &Budget::unlimited()).unwrap();
     let away = Rotation3::from_euler_angles(0.0, 3.0, 0.0) * fit.pose.rotation;
     fit.pose = Pose::new(away, -fit.pose.translation);
-    assert!(covariance(problem.contours(), &fit).iter().all(|value| value.is_infinite()));
+    assert!(covariance(problem.contours(), &fit, &Budget::unlimited()).iter().all(|value| value.is_infinite()));
 }

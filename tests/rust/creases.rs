@@ -4,6 +4,7 @@ use crate::support::jacobian::assert_jacobian;
 use crate::support::random::Random;
 use crate::support::scene::{Scene, SpaceRing, rendered};
 use nalgebra::{DVector, Dyn, Matrix6, OMatrix, Rotation3, U6, Vector2, Vector3};
+use regionpose::internals::budget::Budget;
 use regionpose::internals::contour::creases::Crease;
 use regionpose::{Estimate, ObservedRegion, Pose, Problem, Solution, WorldRegion};
 
@@ -42,7 +43,7 @@ fn faces_of_a_box_share_the_edge_where_their_planes_meet() {
     for _ in 0..20 {
         let scene = scene(&mut random);
         let problem = problem(&scene.observed, &scene.worlds);
-        let creases = problem.creases();
+        let creases = problem.creases(&Budget::unlimited());
         let [crease] = creases else { panic!("{} creases", creases.len()) };
         assert_eq!(crease.regions, [0, 1]);
         let pose = problem.centered(&scene.pose);
@@ -66,7 +67,7 @@ fn derivatives_are_exact_and_a_crease_holds_two_directions() {
     for _ in 0..20 {
         let scene = scene(&mut random);
         let problem = problem(&scene.observed, &scene.worlds);
-        let crease = problem.creases()[0];
+        let crease = problem.creases(&Budget::unlimited())[0];
         let pose = problem.centered(&scene.pose).retract(&random.tangent(0.3, 0.5));
         let rows = crease.rows(&pose).unwrap();
         let jacobian = OMatrix::<f64, Dyn, U6>::from_rows(&rows.map(|(_, row)| row.transpose()));
@@ -84,7 +85,7 @@ fn derivatives_are_exact_and_a_crease_holds_two_directions() {
 fn outlines_that_end_short_of_the_corner_change_nothing() {
     let mut random = Random::new(103);
     let scene = scene(&mut random);
-    let whole = problem(&scene.observed, &scene.worlds).creases()[0];
+    let whole = problem(&scene.observed, &scene.worlds).creases(&Budget::unlimited())[0];
     let shrunk = |by: f64| -> Vec<WorldRegion> {
         let shrink = |world: &WorldRegion| {
             let middle = world.frame().origin();
@@ -100,10 +101,10 @@ fn outlines_that_end_short_of_the_corner_change_nothing() {
         scene.worlds.iter().map(shrink).collect()
     };
     let short = problem(&scene.observed, &shrunk(0.85));
-    let crease = short.creases()[0];
+    let crease = short.creases(&Budget::unlimited())[0];
     assert!(residuals(&crease, &short.centered(&scene.pose)).amax() < 1e-6);
     assert!(crease.direction.cross(&whole.direction).norm() < 1e-9);
-    assert!(problem(&scene.observed, &shrunk(0.3)).creases().is_empty(), "too far from the corner");
+    assert!(problem(&scene.observed, &shrunk(0.3)).creases(&Budget::unlimited()).is_empty(), "too far from the corner");
 }
 
 #[test]
@@ -114,18 +115,24 @@ fn what_is_hidden_apart_or_in_one_plane_is_no_crease() {
     let mut apart = scene.observed.clone();
     let carried = scene.worlds[1].rings()[0].iter().map(|x| x + scene.worlds[0].frame().axes()[2] * 0.2).collect();
     apart[1] = rendered(&[carried], &scene.pose);
-    assert!(problem(&apart, &scene.worlds).creases().is_empty());
+    assert!(problem(&apart, &scene.worlds).creases(&Budget::unlimited()).is_empty());
     let mut hidden = scene.observed.clone();
     let ring = &scene.observed[1].rings[0];
     hidden[1].hidden = (0..4).map(|k| vec![ring[k], ring[(k + 1) % 4]]).take(1).collect();
-    let shown = problem(&hidden, &scene.worlds).creases().len();
+    let shown = problem(&hidden, &scene.worlds).creases(&Budget::unlimited()).len();
     hidden[1].hidden = vec![vec![ring[3], ring[0], ring[1], ring[2]]];
-    assert!(problem(&hidden, &scene.worlds).creases().is_empty() && shown <= 1);
+    assert!(problem(&hidden, &scene.worlds).creases(&Budget::unlimited()).is_empty() && shown <= 1);
     let flat = [scene.worlds[0].clone(), scene.worlds[0].clone()];
-    assert!(problem(&scene.observed, &flat).creases().is_empty());
-    assert!(problem(&scene.observed[..1], &scene.worlds[..1]).creases().is_empty());
-    let through = Pose::new(Rotation3::identity(), -problem(&scene.observed, &scene.worlds).creases()[0].point);
-    assert!(problem(&scene.observed, &scene.worlds).creases()[0].gaussian(&through).information == Matrix6::zeros());
+    assert!(problem(&scene.observed, &flat).creases(&Budget::unlimited()).is_empty());
+    assert!(problem(&scene.observed[..1], &scene.worlds[..1]).creases(&Budget::unlimited()).is_empty());
+    let through = Pose::new(
+        Rotation3::identity(),
+        -problem(&scene.observed, &scene.worlds).creases(&Budget::unlimited())[0].point,
+    );
+    assert!(
+        problem(&scene.observed, &scene.worlds).creases(&Budget::unlimited())[0].gaussian(&through).information
+            == Matrix6::zeros()
+    );
 }
 
 /// A face with samples in rows `gap` apart where its own third axis, from the first vertex towards the last, is below a height,
@@ -157,7 +164,7 @@ fn the_corner_of_a_house_holds_a_scan_of_its_lower_half() {
     for seed in 0..12 {
         let mut random = Random::new(110 + seed);
         let scene = scene(&mut random);
-        let edge = problem(&scene.observed, &scene.worlds).creases()[0].direction;
+        let edge = problem(&scene.observed, &scene.worlds).creases(&Budget::unlimited())[0].direction;
         let worlds: Vec<_> = scene.worlds.iter().map(|world| scanned(&mut random, world, &edge, 0.6, 0.12)).collect();
         let mut hidden = scene.observed.clone();
         let ring = &hidden[1].rings[0];

@@ -5,6 +5,7 @@ use crate::support::random::Random;
 use crate::support::scene::{Layout, Ring, Scene, pierced_star, placed, rendered, seen_plane, star};
 use nalgebra::{DVector, Dyn, OMatrix, U6, Vector2, Vector3};
 use proptest::prelude::*;
+use regionpose::internals::budget::Budget;
 use regionpose::internals::equations::derivatives::{
     PLANE_REACH, Row, SPHERE_REACH, plane_derivative, sphere_derivative,
 };
@@ -218,11 +219,14 @@ fn cost_and_normal_equations_are_those_of_residual_and_jacobian() {
         {
             let problem = scene.problem(system, Integration::Boundary);
             let Evaluation { residual, jacobian } = problem.evaluate(&pose, weighting).unwrap();
-            let normal = normal_equations(problem.regions(), &centered, weighting).unwrap();
+            let normal = normal_equations(problem.regions(), &centered, weighting, &Budget::unlimited()).unwrap();
             let (information, gradient) = (jacobian.transpose() * &jacobian, jacobian.transpose() * &residual);
             let squared = residual.norm_squared();
             assert!((normal.cost - squared).abs() < 1e-12 * squared);
-            assert!((cost(problem.regions(), &centered, weighting).unwrap() - squared).abs() < 1e-10 * squared);
+            assert!(
+                (cost(problem.regions(), &centered, weighting, &Budget::unlimited()).unwrap() - squared).abs()
+                    < 1e-10 * squared
+            );
             assert!((normal.information - information).amax() < 1e-12 * information.amax());
             assert!((normal.gradient - gradient).amax() < 1e-11 * gradient.amax());
         }

@@ -3,6 +3,7 @@
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Ring, Scene, angle_piece, placed, rendered, seen_plane};
 use nalgebra::{Rotation3, Vector2, Vector3};
+use regionpose::internals::budget::Budget;
 use regionpose::internals::contour::fit::refined;
 use regionpose::internals::search::directions::direction_poses;
 use regionpose::{Integration, Pose, Prior, Problem, System, WorldRegion};
@@ -24,7 +25,7 @@ fn found(scene: &Scene, prior: &Prior) -> Vec<Pose> {
     // The pose about the problem's origin of the world's own.
     let origin = problem.centered(&Pose::identity()).translation;
     let uncentered = |pose: Pose| Pose::new(pose.rotation, pose.translation - pose.rotation * origin);
-    direction_poses(&problem, prior, ALL).into_iter().map(uncentered).collect()
+    direction_poses(&problem, prior, ALL, &Budget::unlimited()).into_iter().map(uncentered).collect()
 }
 
 fn asymmetric(random: &mut Random, regions: usize, field: f64) -> Scene {
@@ -99,7 +100,7 @@ fn the_contours_converge_from_a_turn_that_does_not_count_as_free() {
             let ray = scene.pose.transform(&scene.middle()).normalize();
             let turn = Rotation3::new(ray * 10.0_f64.to_radians());
             let start = Pose::new(turn * centered.rotation, turn * centered.translation);
-            let fit = refined(problem.contours(), &start, ALL).unwrap();
+            let fit = refined(problem.contours(), &start, ALL, &Budget::unlimited()).unwrap();
             assert!(fit.pose.angle_to(&centered) < 1e-3, "{:.2e} rad", fit.pose.angle_to(&centered));
         }
     }

@@ -12,6 +12,7 @@ use regionpose::internals::alignment::frame::{Frame, MOST_EDGES, PhotoView, SPRE
 use regionpose::internals::alignment::pictures::{DIRECTIONS, LogRatios};
 use regionpose::internals::alignment::projection::Projection;
 use regionpose::internals::alignment::search::{SearchOptions, search};
+use regionpose::internals::budget::Budget;
 
 use crate::support::random::Random;
 
@@ -161,7 +162,7 @@ fn sums_are_those_taken_edge_by_edge() {
         let mut all = 0;
         for _ in 0..20 {
             let pose = pose(&mut random);
-            let (sum, count) = frame.log_ratio(&pose, spread);
+            let (sum, count) = frame.log_ratio(&pose, spread, &Budget::unlimited());
             let (wanted, shown, doubts) = reference(&held, &picture, &pose);
             // An edge in doubt is worth 2 at most.
             let bound = count as f64 * SLOPE * ROUNDING_PX + 2.0 * doubts as f64;
@@ -180,8 +181,8 @@ fn edges_that_are_seen_from_a_pose_have_the_same_sum_there() {
     for frame in [pinhole_frame(&edges), fisheye_frame(&edges)] {
         for spread in 0..SPREADS {
             let pose = pose(&mut random);
-            let (sum, count) = frame.log_ratio(&pose, spread);
-            let (same, _) = frame.visible_edges(&pose, spread).log_ratio(&pose, 0.25);
+            let (sum, count) = frame.log_ratio(&pose, spread, &Budget::unlimited());
+            let (same, _) = frame.visible_edges(&pose, spread, &Budget::unlimited()).log_ratio(&pose, 0.25);
             // The order alone differs: values are 1 at most, and of the sum of 32 five roundings are.
             assert!((same - (sum - 0.25 * count as f64)).abs() <= 5.0 * count as f64 * f64::from(f32::EPSILON));
         }
@@ -197,7 +198,8 @@ fn slopes_are_those_of_the_sums() {
     for frame in [pinhole_frame(&edges), fisheye_frame(&edges)] {
         for _ in 0..20 {
             let pose = pose(&mut random);
-            let visible = frame.visible_edges(&pose, SPREADS - 1);
+            let budget = Budget::unlimited();
+            let visible = frame.visible_edges(&pose, SPREADS - 1, &budget);
             let (squares, count) = visible.square_moves(&pose);
             let (_, slope) = visible.log_ratio(&pose, 0.0);
             for way in 0..6 {
@@ -245,7 +247,7 @@ fn mean_squares_of_moves_are_those_taken_edge_by_edge() {
             count += 1.0;
         }
         let wanted = squares / count.max(1.0);
-        let (found, shown) = frame.visible_edges(&pose, spread).square_moves(&pose);
+        let (found, shown) = frame.visible_edges(&pose, spread, &Budget::unlimited()).square_moves(&pose);
         assert!((shown as f64 - count).abs() <= 1.0);
         let root = Matrix6::from_diagonal(&wanted.diagonal().map(|value| value.sqrt().recip()));
         let error = (root * (found - wanted) * root).amax();

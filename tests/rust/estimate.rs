@@ -7,6 +7,7 @@ use crate::support::random::Random;
 use crate::support::scene::{FOCAL, Layout, Ring, Scene, SpaceRing, errors, placed, rectangle, regular, seen_plane};
 use nalgebra::{Matrix6, Rotation3, Vector3, Vector6};
 use proptest::prelude::*;
+use regionpose::internals::budget::Budget;
 use regionpose::internals::equations::least_squares::{Termination, TerminationCriteria, minimize};
 use regionpose::internals::equations::system::Weighting;
 use regionpose::internals::geometry::rings::PlaneRings;
@@ -343,6 +344,7 @@ fn a_single_evaluation_is_distinguished_from_convergence() {
         &start,
         Weighting::Uniform,
         TerminationCriteria { tolerance: 1e-12, evaluations: 1 },
+        &Budget::unlimited(),
     );
     assert!(!minimum.converged && minimum.termination == Termination::EvaluationLimit, "{minimum:?}");
 }
@@ -358,7 +360,7 @@ proptest! {
         let start = scene.pose.retract(&random.tangent(angle, 2.0));
         for weighting in [Weighting::Uniform, Weighting::Whitened] {
             let criteria = TerminationCriteria { tolerance: 1e-10, evaluations: 140 };
-            let minimum = minimize(problem.regions(), &start, weighting, criteria);
+            let minimum = minimize(problem.regions(), &start, weighting, criteria, &Budget::unlimited());
             prop_assert!(minimum.converged <= minimum.cost.is_finite());
             prop_assert!(minimum.evaluations <= 200);
         }

@@ -8,8 +8,9 @@ use std::time::{Duration, Instant};
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Scene, rectangle, regular, star};
 use nalgebra::{Rotation3, Vector2, Vector3};
-use regionpose::internals::budget;
+use regionpose::internals::budget::{Budget, Cancel};
 use regionpose::internals::equations::least_squares::Termination;
+use regionpose::internals::equations::residual::evaluate;
 use regionpose::internals::equations::system::Weighting;
 use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::internals::options::Options;
@@ -17,7 +18,7 @@ use regionpose::internals::problem::MAX_EVALUATIONS;
 use regionpose::internals::verdict::coverage::overlap_errors;
 use regionpose::internals::view::chart::Chart;
 use regionpose::mesh::MOST_TRIANGLES;
-use regionpose::mesh::even_mesh::even_mesh;
+use regionpose::mesh::even_mesh::{even_mesh, even_mesh_within};
 use regionpose::mesh::triangulation::{MeshOptions, triangulate};
 use regionpose::{Error, Integration, ObservedRegion, Pose, Problem, System, Warning, WorldRegion};
 
@@ -82,10 +83,10 @@ fn overlap_errors_are_finite_at_any_pose() {
     let problem = scene.problem(System::Plane, Integration::Boundary);
     for _ in 0..300 {
         let pose = Pose::new(random.rotation(), random.direction() * random.uniform(0.0, 8.0));
-        let (all, each) = overlap_errors(&problem, &pose);
+        let (all, each) = overlap_errors(&problem, &pose, &Budget::unlimited());
         assert!(all.is_finite() && all >= 0.0 && each.iter().all(|error| error.is_finite() && *error >= 0.0));
     }
-    let (all, each) = overlap_errors(&problem, &scene.pose);
+    let (all, each) = overlap_errors(&problem, &scene.pose, &Budget::unlimited());
     assert!(all < 1e-9 && each.iter().all(|error| *error < 1e-9));
 }
 
@@ -96,7 +97,7 @@ fn a_pose_that_faces_the_other_way_misses_all_of_every_region() {
     let problem = scene.problem(System::Plane, Integration::Boundary);
     let across = scene.observed[0].rings[0][0].cross(&scene.observed[1].rings[0][0]).normalize();
     let away = Pose::new(Rotation3::from_scaled_axis(across * 2.0 * FRAC_PI_2), Vector3::zeros()).after(&scene.pose);
-    assert_eq!(overlap_errors(&problem, &away), (1.0, vec![1.0, 1.0]));
+    assert_eq!(overlap_errors(&problem, &away, &Budget::unlimited()), (1.0, vec![1.0, 1.0]));
 }
 
 /// Regions of a micrometer and a kilometer, seen once and twice, from any side.
@@ -167,7 +168,8 @@ fn hopeless(vertices: usize) -> Problem {
 #[test]
 fn a_search_that_exhausts_its_budget_answers_with_what_it_found_and_a_warning() {
     let problem = hopeless(40);
-    let estimates = [(); 2].map(|()| budget::limited(2_000_000, || problem.estimate()));
+    let estimate = |budget: &Budget| problem.estimate_within(&Options::default(), budget);
+    let estimates = [(); 2].map(|()| Budget::unlimited().limited(2_000_000, estimate));
     for (estimate, spent) in &estimates {
         let estimate = estimate.as_ref().expect("a pose found before the end");
         assert!(*spent && estimate.best.pose.translation.iter().all(|x| x.is_finite()));
@@ -182,24 +184,27 @@ fn a_search_that_exhausts_its_budget_answers_with_what_it_found_and_a_warning() 
 fn a_canceled_search_ends() {
     let problem = hopeless(200);
     let gone = Arc::new(AtomicBool::new(false));
-    let stop: budget::Cancel = {
+    let stop: Cancel = {
         let gone = gone.clone();
         Arc::new(move || gone.swap(true, Ordering::Relaxed))
     };
-    assert!(budget::cancellable(stop, || problem.search(&Options::default())).is_none());
+    let budget = Budget::cancellable(stop);
+    let _ = problem.search_within(&Options::default(), &budget);
+    assert!(budget.is_canceled());
     assert!(gone.load(Ordering::Relaxed));
 }
 
 /// A star of so many corners, most of them along the image's border, which goes in and out as they do, or along the edges of what
 /// hides it.
-fn beset(vertices: usize, by: impl Fn(Vec<Vector3<f64>>, &mut ObservedRegion)) -> Problem {
+fn beset(vertices: usize, by: impl Fn(Vec<Vector3<f64>>, &mut ObservedRegion), budget: &Budget) -> Problem {
     let mut random = Random::new(67);
     let plane = Pose::new(Rotation3::from_scaled_axis(Vector3::new(0.3, 0.2, 0.1)), Vector3::new(0.1, 0.2, 3.0));
     let ring: Vec<_> = star(&mut random, vertices, 1.0).iter().map(|p| plane.transform(&p.push(0.0))).collect();
     let line = ring[..vertices * 4 / 5].iter().map(|x| x + random.direction() * 1e-4).collect();
     let mut observed = ObservedRegion::new(vec![ring.clone()], 1e5);
     by(line, &mut observed);
-    Problem::new(&[observed], &[WorldRegion::from_rings(&[ring]).unwrap()]).unwrap()
+    let world = WorldRegion::from_rings(&[ring]).unwrap();
+    Problem::new_within(&[observed], &[world], System::Plane, Integration::Boundary, budget).unwrap()
 }
 
 fn along_border(line: Vec<Vector3<f64>>, observed: &mut ObservedRegion) {
@@ -214,12 +219,15 @@ fn behind_edges(line: Vec<Vector3<f64>>, observed: &mut ObservedRegion) {
 #[test]
 fn an_evaluation_of_an_outline_beside_many_edges_costs_in_proportion_to_these() {
     let costs = [400, 800].map(|vertices| {
-        let (problem, made) = budget::measured(|| beset(vertices, along_border));
-        let evaluate = || (0..20).filter_map(|k| problem.evaluate(&turned(k), Weighting::Uniform)).count();
-        let (in_view, work) = budget::measured(evaluate);
-        assert_eq!(in_view, 20);
+        let (making, evaluating) = (Budget::unlimited(), Budget::unlimited());
+        let problem = beset(vertices, along_border, &making);
+        let evaluated =
+            |k: usize| evaluate(problem.regions(), &problem.centered(&turned(k)), Weighting::Uniform, &evaluating);
+        assert_eq!((0..20).filter_map(evaluated).count(), 20);
+        let work = evaluating.charged();
         assert!(work < 20 * 2 * problem.work(), "{vertices}: {work} of {}", problem.work());
-        (made + budget::measured(|| beset(vertices, behind_edges)).1, work)
+        let _ = beset(vertices, behind_edges, &making);
+        (making.charged(), work)
     });
     let [(made, evaluated), (more_made, more_evaluated)] = costs;
     assert!(more_made < 3 * made, "{made}, {more_made}");
@@ -235,8 +243,9 @@ fn turned(number: usize) -> Pose {
 #[test]
 fn a_search_beside_several_hundred_edges_is_bounded() {
     for (by, name) in [(along_border as fn(_, &mut _), "border"), (behind_edges, "hidden")] {
-        let problem = beset(400, by);
-        let (search, work) = budget::measured(|| problem.search(&Options::default()));
+        let (problem, budget) = (beset(400, by, &Budget::unlimited()), Budget::unlimited());
+        let search = problem.search_within(&Options::default(), &budget);
+        let work = budget.charged();
         let most = MAX_EVALUATIONS * problem.work();
         assert!(work < most + most / 10, "{name}: {work}, bound {most}");
         let minima = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
@@ -251,8 +260,9 @@ fn a_search_beside_several_hundred_edges_is_bounded() {
 fn a_quadrature_on_the_sphere_is_counted_by_its_points() {
     let scene = scene(1);
     let work = |system: System, integration: Integration| {
-        let problem = scene.problem(system, integration);
-        budget::measured(|| problem.evaluate(&scene.pose, Weighting::Uniform)).1
+        let (problem, budget) = (scene.problem(system, integration), Budget::unlimited());
+        let _ = evaluate(problem.regions(), &problem.centered(&scene.pose), Weighting::Uniform, &budget).unwrap();
+        budget.charged()
     };
     let mesh = Integration::Mesh { size: Some(0.1) };
     assert!(work(System::Sphere, mesh) > 9 * work(System::Plane, mesh));
@@ -260,17 +270,16 @@ fn a_quadrature_on_the_sphere_is_counted_by_its_points() {
 }
 
 /// A cancellation at the first poll.
-fn at_once() -> budget::Cancel {
-    Arc::new(|| true)
+fn at_once() -> Budget {
+    Budget::cancellable(Arc::new(|| true))
 }
 
 #[test]
 fn a_canceled_mesh_is_not_made() {
     let region = PlaneRings::new(vec![star(&mut Random::new(66), 40, 1.0)]).unwrap();
-    let mut made = None;
-    let meshes = || (0..2).for_each(|_| made = Some(even_mesh(&region, 0.01)));
-    assert!(budget::cancellable(at_once(), meshes).is_none());
-    assert_eq!(made, Some(Err(Error::Canceled)));
+    let budget = at_once();
+    assert_eq!(even_mesh_within(&region, 0.01, &budget), Err(Error::Canceled));
+    assert!(budget.is_canceled());
 }
 
 /// Ordinary problems, also those of shapes that fit in many turns, stay well below the bound.
@@ -280,7 +289,9 @@ fn ordinary_searches_spend_a_part_of_what_they_may() {
     let discs = (1..3).map(|count| Scene::of_shapes(&mut Random::new(65), shapes(count), Layout::default()));
     for (place, scene) in (1..4).map(scene).chain(discs).enumerate() {
         let problem = scene.problem(System::Plane, Integration::Boundary);
-        let (estimate, work) = budget::measured(|| problem.estimate());
+        let budget = Budget::unlimited();
+        let estimate = problem.estimate_within(&Options::default(), &budget);
+        let work = budget.charged();
         assert!(
             estimate.is_ok() && work < MAX_EVALUATIONS / 2 * problem.work(),
             "{place}: {work} of {}",
@@ -295,11 +306,11 @@ fn a_mesh_is_searched_along_its_boundary() {
     let scene = scene(2);
     for system in [System::Plane, System::Sphere] {
         let [boundary, mesh] = [Integration::Boundary, Integration::Mesh { size: Some(0.02) }].map(|integration| {
-            let problem = scene.problem(system, integration);
-            let (search, work) = budget::measured(|| problem.search(&Options::default()));
+            let (problem, budget) = (scene.problem(system, integration), Budget::unlimited());
+            let search = problem.search_within(&Options::default(), &budget);
             let minima: Vec<_> = search.candidates().iter().map(|pose| search.solve_from(pose)).collect();
             assert!(!minima.is_empty() && minima.iter().all(|minimum| minimum.converged && minimum.evaluations < 10));
-            (search.problem().work(), work)
+            (search.problem().work(), budget.charged())
         });
         assert!(mesh.0 > 20 * boundary.0, "the solution's evaluations are the mesh's: {} of {}", mesh.0, boundary.0);
         assert!(mesh.1 < 2 * boundary.1, "{system:?}: {} along the boundary, {} over a mesh", boundary.1, mesh.1);

@@ -5,12 +5,12 @@ use std::f64::consts::TAU;
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Ring, Scene, SpaceRing, placed, rectangle, rendered};
 use nalgebra::{Rotation2, Rotation3, Vector2, Vector3};
-use regionpose::internals::budget;
+use regionpose::internals::budget::Budget;
 use regionpose::internals::geometry::overlap::overlap_areas;
 use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::internals::geometry::simplified::simplified;
 use regionpose::internals::search::centroids::centroid_poses;
-use regionpose::{ObservedRegion, Pose, Problem, WorldRegion};
+use regionpose::{ObservedRegion, Options, Pose, Problem, WorldRegion};
 
 /// Times as much work as half as many take, at most: trees add logarithms, and the square would be four times.
 const DOUBLE: f64 = 2.6;
@@ -56,9 +56,10 @@ fn wavy(vertices: usize) -> Ring {
 fn overlap_work(rings: Vec<Ring>) -> u64 {
     let other = rings.iter().map(|ring| ring.iter().map(|p| p + Vector2::new(1e-5, 2e-5)).collect()).collect();
     let [first, second] = [rings, other].map(|rings| PlaneRings::new(rings).unwrap());
-    let (areas, work) = budget::measured(|| overlap_areas(&first, &second));
+    let budget = Budget::unlimited();
+    let areas = overlap_areas(&first, &second, &budget);
     assert!(areas.error() > 0.0 && areas.error() < 0.1, "{areas:?}");
-    work
+    budget.charged()
 }
 
 #[test]
@@ -77,7 +78,7 @@ fn the_overlap_of_holes_grows_as_they_do() {
 #[test]
 fn a_comb_covers_itself() {
     let region = PlaneRings::new(vec![comb(1000)]).unwrap();
-    let areas = overlap_areas(&region, &region);
+    let areas = overlap_areas(&region, &region, &Budget::unlimited());
     assert!(areas.error() < 1e-10, "{areas:?}");
 }
 
@@ -93,9 +94,10 @@ fn spiral(vertices: usize) -> Ring {
 #[test]
 fn fewer_vertices_of_a_spiral_take_as_much_as_it_has() {
     assert_growth("spiral", 2000, |vertices| {
-        let (fewer, work) = budget::measured(|| simplified(&spiral(vertices), 1e-9));
+        let budget = Budget::unlimited();
+        let fewer = simplified(&spiral(vertices), 1e-9, &budget);
         assert!(fewer.len() > vertices, "{} of {}", fewer.len(), 2 * vertices);
-        work
+        budget.charged()
     });
 }
 
@@ -105,7 +107,8 @@ fn a_long_line_is_simplified_in_little_room() {
     // Each vertex is the farthest of all that follow it.
     let steep = |k: usize| Vector2::new(k as f64, (1.0 + k as f64).powi(2));
     let ring: Ring = (0..200_000).map(steep).chain([Vector2::new(200_000.0, 0.0)]).collect();
-    let fewer = std::thread::Builder::new().stack_size(64 * 1024).spawn(move || simplified(&ring, 1e-3).len());
+    let simplified = move || simplified(&ring, 1e-3, &Budget::unlimited()).len();
+    let fewer = std::thread::Builder::new().stack_size(64 * 1024).spawn(simplified);
     assert!(fewer.unwrap().join().unwrap() > 1000);
 }
 
@@ -119,12 +122,15 @@ fn corner(vertices: usize) -> Problem {
     Problem::new(&observed, &rings.map(|rings| WorldRegion::from_rings(&rings).unwrap())).unwrap()
 }
 
+fn creases_work(problem: &Problem) -> u64 {
+    let budget = Budget::unlimited();
+    problem.creases(&budget);
+    budget.charged()
+}
+
 #[test]
 fn creases_grow_as_vertices_do() {
-    assert_growth("creases", 1000, |vertices| {
-        let problem = corner(vertices);
-        budget::measured(|| problem.creases().len()).1
-    });
+    assert_growth("creases", 1000, |vertices| creases_work(&corner(vertices)));
 }
 
 /// So many squares, here and there about the camera's axis, in all of about the same area.
@@ -146,26 +152,23 @@ fn many(regions: usize) -> Problem {
 #[test]
 fn poses_of_centroids_grow_as_regions_do() {
     assert_growth("centroids", 100, |regions| {
-        let problem = many(regions);
-        let (poses, work) = budget::measured(|| centroid_poses(&problem));
+        let budget = Budget::unlimited();
+        let poses = centroid_poses(&many(regions), &budget);
         assert!(poses.iter().any(|pose| pose.angle_to(&Pose::identity()) < 1e-2));
-        work
+        budget.charged()
     });
 }
 
 #[test]
 fn creases_grow_as_regions_do() {
-    assert_growth("regions", 100, |regions| {
-        let problem = many(regions);
-        budget::measured(|| problem.creases().len()).1
-    });
+    assert_growth("regions", 100, |regions| creases_work(&many(regions)));
 }
 
 /// Cost of an estimate, in evaluations of all of the problem: where these stay, the work grows as the problem does.
 fn evaluations(problem: &Problem) -> f64 {
-    let (estimate, work) = budget::measured(|| problem.estimate());
-    assert!(estimate.is_ok());
-    work as f64 / problem.work() as f64
+    let budget = Budget::unlimited();
+    assert!(problem.estimate_within(&Options::default(), &budget).is_ok());
+    budget.charged() as f64 / problem.work() as f64
 }
 
 #[test]

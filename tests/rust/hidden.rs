@@ -5,6 +5,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use crate::support::random::Random;
 use crate::support::scene::{FOCAL, Layout, Ring, Scene, angle_piece, placed, rectangle, seen_plane};
 use nalgebra::{Rotation2, Vector2, Vector3};
+use regionpose::internals::budget::Budget;
 use regionpose::internals::geometry::clipping::intersection;
 use regionpose::{Error, Estimate, Integration, ObservedRegion, Pose, Problem, System, Warning, WorldRegion};
 
@@ -21,7 +22,7 @@ fn cut(ring: &Ring, side: f64, depth: f64) -> (Ring, Vec<bool>) {
     let edge = high - depth * (high - low);
     let corner = |x: f64, y: f64| normal * x + along * y;
     let seen = vec![vec![corner(edge - 9.0, -9.0), corner(edge, -9.0), corner(edge, 9.0), corner(edge - 9.0, 9.0)]];
-    let left = intersection(std::slice::from_ref(ring), &seen).rings;
+    let left = intersection(std::slice::from_ref(ring), &seen, &Budget::unlimited()).rings;
     let left = left.into_iter().max_by(|a, b| area(a).total_cmp(&area(b))).unwrap();
     let on_edge = |p: &Vector2<f64>| (reach(p) - edge).abs() < 1e-9;
     let marks = (0..left.len()).map(|k| on_edge(&left[k]) && on_edge(&left[(k + 1) % left.len()])).collect();

@@ -5,6 +5,7 @@ use crate::support::contours::{all_bitten, one_turned};
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Scene};
 use nalgebra::{Rotation3, Vector3, Vector6};
+use regionpose::internals::budget::Budget;
 use regionpose::internals::contour::fit::ContourFit;
 use regionpose::internals::contour::members::{least_evidence, log_odds};
 use regionpose::{Estimate, ObservedRegion, Problem, Warning, WorldRegion};
@@ -17,7 +18,7 @@ fn scene(seed: u64, regions: usize) -> Scene {
 /// The odds at the true pose.
 fn odds(scene: &Scene, observed: &[ObservedRegion]) -> Vec<f64> {
     let problem = Problem::new(observed, &scene.worlds).unwrap();
-    log_odds(&ContourFit::at(problem.contours(), &problem.centered(&scene.pose), 1).unwrap())
+    log_odds(&ContourFit::at(problem.contours(), &problem.centered(&scene.pose), 1, &Budget::unlimited()).unwrap())
 }
 
 #[test]
@@ -55,7 +56,8 @@ fn contours_confirm_a_pose_and_not_one_beside_it() {
         for observed in [scene.observed.clone(), all_bitten(&scene, 1.0)] {
             let problem = Problem::new(&observed, &scene.worlds).unwrap();
             let pose = problem.centered(&scene.pose);
-            let evidence = |pose| least_evidence(&ContourFit::at(problem.contours(), &pose, 1).unwrap());
+            let evidence =
+                |pose| least_evidence(&ContourFit::at(problem.contours(), &pose, 1, &Budget::unlimited()).unwrap());
             let (there, beside) = (evidence(pose), evidence(pose.retract(&increment)));
             assert!(there > 50.0 && beside < 5.0, "seed {seed}: {there}, {beside}");
         }

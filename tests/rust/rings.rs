@@ -3,6 +3,7 @@
 use nalgebra::Vector2;
 use proptest::prelude::*;
 use regionpose::Error;
+use regionpose::internals::budget::Budget;
 use regionpose::internals::error::Contact;
 use regionpose::internals::geometry::overlap::overlap_areas;
 use regionpose::internals::geometry::rings::PlaneRings;
@@ -242,7 +243,7 @@ proptest! {
         let upright = |ring: &Ring| if signed_area(ring) < 0.0 { reversed(ring.clone()) } else { ring.clone() };
         let rings = [upright(&first), upright(&second)];
         let [Ok(a), Ok(b)] = [0, 1].map(|k| PlaneRings::new(vec![rings[k].clone()])) else { return Ok(()) };
-        let areas = overlap_areas(&a, &b);
+        let areas = overlap_areas(&a, &b, &Budget::unlimited());
         let shares_part = areas.intersection > 1e-9 && areas.only_observed.min(areas.only_predicted) > 1e-9;
         match PlaneRings::new(rings.to_vec()) {
             Ok(both) => {
@@ -271,12 +272,12 @@ proptest! {
                 continue;
             }
             let alone = |ring: &Ring| PlaneRings::new(vec![ring.clone()]).unwrap();
-            let around = kept.iter().any(|ring| overlap_areas(&alone(ring), &alone(&shape)).intersection > 0.0);
+            let around = kept.iter().any(|ring| overlap_areas(&alone(ring), &alone(&shape), &Budget::unlimited()).intersection > 0.0);
             kept.push(if turned && around { reversed(shape) } else { shape });
         }
         let alone: Vec<PlaneRings> = kept.iter().map(|ring| PlaneRings::new(vec![ring.clone()]).unwrap()).collect();
         let holds = |outer: &PlaneRings, inner: &PlaneRings| {
-            let areas = overlap_areas(outer, inner);
+            let areas = overlap_areas(outer, inner, &Budget::unlimited());
             outer.area() > inner.area() && areas.intersection > areas.only_predicted
         };
         let expected: Vec<f64> = alone.iter().map(|ring| {

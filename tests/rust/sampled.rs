@@ -8,6 +8,7 @@ use crate::support::samples::{layout, sampled};
 use crate::support::scene::{FOCAL, Scene, rectangle, regular, star};
 use nalgebra::{Rotation3, Vector2, Vector3};
 use proptest::prelude::*;
+use regionpose::internals::budget::Budget;
 use regionpose::internals::geometry::pose::Tangent;
 use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::internals::math::gaussian::Gaussian;
@@ -33,8 +34,11 @@ fn posterior(seed: u64) -> (Problem, Posterior) {
     let mut random = Random::new(seed);
     let scene = Scene::random(&mut random, layout(2));
     let problem = Problem::new(&scene.observed, &sampled(&mut random, &scene.worlds, 0.1, 1.0)).unwrap();
-    let start = fit_coarse(problem.sampled(), &flat_prior, &problem.centered(&scene.pose)).unwrap();
-    let found = anneal(problem.sampled(), &flat_prior, &[start], 50.0, &mut VisitedStates::default()).remove(0);
+    let start =
+        fit_coarse(problem.sampled(), &flat_prior, &problem.centered(&scene.pose), &Budget::unlimited()).unwrap();
+    let found =
+        anneal(problem.sampled(), &flat_prior, &[start], 50.0, &mut VisitedStates::default(), &Budget::unlimited())
+            .remove(0);
     (problem, found)
 }
 
@@ -48,9 +52,12 @@ fn a_state_is_visited_once() {
     let mut random = Random::new(3);
     let scene = Scene::random(&mut random, layout(2));
     let problem = Problem::new(&scene.observed, &sampled(&mut random, &scene.worlds, 0.1, 1.0)).unwrap();
-    let start = fit_coarse(problem.sampled(), &flat_prior, &problem.centered(&scene.pose)).unwrap();
+    let start =
+        fit_coarse(problem.sampled(), &flat_prior, &problem.centered(&scene.pose), &Budget::unlimited()).unwrap();
     let mut visited = VisitedStates::default();
-    let mut found = |starts: &[CoarseFit]| anneal(problem.sampled(), &flat_prior, starts, 50.0, &mut visited).len();
+    let mut found = |starts: &[CoarseFit]| {
+        anneal(problem.sampled(), &flat_prior, starts, 50.0, &mut visited, &Budget::unlimited()).len()
+    };
     assert_eq!(found(&[start.clone(), start.clone()]), 1);
     assert_eq!(found(&[start]), 0);
 }
@@ -62,8 +69,10 @@ fn a_state_is_visited_once() {
 fn few_labels_are_likelier_than_many() {
     let log_evidence = |scene: &Scene, world: WorldRegion| {
         let problem = Problem::new(&scene.observed, &[world]).unwrap();
-        let start = fit_coarse(problem.sampled(), &flat_prior, &problem.centered(&scene.pose)).unwrap();
-        anneal(problem.sampled(), &flat_prior, &[start], 50.0, &mut VisitedStates::default())[0].log_evidence()
+        let start =
+            fit_coarse(problem.sampled(), &flat_prior, &problem.centered(&scene.pose), &Budget::unlimited()).unwrap();
+        anneal(problem.sampled(), &flat_prior, &[start], 50.0, &mut VisitedStates::default(), &Budget::unlimited())[0]
+            .log_evidence()
     };
     for seed in 0..24 {
         let mut random = Random::new(seed);
@@ -407,7 +416,7 @@ fn places_on_one_line_need_no_plane() {
         let errors = |count: usize| {
             let problem = Problem::new(&scene.observed[..count], &worlds[..count]).unwrap();
             let estimate = problem.estimate().unwrap();
-            (scene.errors(&estimate.best.pose).0, problem.creases().len())
+            (scene.errors(&estimate.best.pose).0, problem.creases(&Budget::unlimited()).len())
         };
         let [(both, creases), (alone, _)] = [2, 1].map(errors);
         assert_eq!(creases, 0);

@@ -5,6 +5,7 @@ use crate::support::random::Random;
 use crate::support::samples::{MODEL, prior, site};
 use nalgebra::{Matrix2, Matrix6, Vector2, Vector6};
 use proptest::prelude::*;
+use regionpose::internals::budget::Budget;
 use regionpose::internals::math::gaussian::Gaussian;
 use regionpose::internals::math::gaussian::Normal;
 use regionpose::internals::math::normal::{cumulative, density};
@@ -17,7 +18,7 @@ use regionpose::internals::samples::quadrature::{SegmentLabel, TiltedMoments, ti
 
 /// Posterior and log evidence of independent labels with a prior of this standard deviation.
 fn posterior(sigma: f64, sites: &mut [LabelSite]) -> (Normal, f64) {
-    let found = run_ep_independent(&prior(sigma), &Gaussian::default(), sites).unwrap();
+    let found = run_ep_independent(&prior(sigma), &Gaussian::default(), sites, &Budget::unlimited()).unwrap();
     (found.increment, found.log_evidence)
 }
 

@@ -3,6 +3,7 @@
 use crate::support::random::Random;
 use crate::support::samples::{MODEL, prior, site};
 use nalgebra::{Matrix2, Matrix6, Vector2, Vector6};
+use regionpose::internals::budget::Budget;
 use regionpose::internals::math::gaussian::Gaussian;
 use regionpose::internals::math::gaussian::Normal;
 use regionpose::internals::math::normal::density;
@@ -66,7 +67,7 @@ fn agree_with_sampling(dilation_sigma: f64, dilated: [f64; 2], off: [f64; 5]) {
         ContourFactor { region: 0, dilation_sigma, rings }
     };
     let mut contours = [closed, open].map(contour);
-    let found = run_ep(&prior(1.0), &Gaussian::default(), &sites, &mut contours).unwrap();
+    let found = run_ep(&prior(1.0), &Gaussian::default(), &sites, &mut contours, &Budget::unlimited()).unwrap();
     // Transition from the state of one segment, a row each, to that of the next one, a column each.
     let next = |(one, other): (usize, usize)| {
         let same = (-0.5 * (lengths[one] + lengths[other]) / states[1].sigma).exp();

@@ -7,6 +7,7 @@ use crate::support::scene::{Scene, rectangle, regular, star};
 use nalgebra::{DVector, Dyn, OMatrix, U6, Vector2};
 use proptest::prelude::*;
 use regionpose::Problem;
+use regionpose::internals::budget::Budget;
 use regionpose::internals::geometry::pose::Tangent;
 use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::internals::samples::margin::ProjectedSample;
@@ -118,7 +119,7 @@ fn at_the_true_pose_every_sample_is_on_its_side() {
     for region in problem.sampled() {
         let right =
             |sample: &ProjectedSample| matches!(sample, ProjectedSample::Visible(margin) if margin.value > -1e-6);
-        assert!((0..region.count()).all(|number| right(&region.project(&pose, number))));
+        assert!((0..region.count()).all(|number| right(&region.project(&pose, number, &Budget::unlimited()))));
     }
 }
 
@@ -130,8 +131,9 @@ fn margins_have_exact_derivatives() {
     let pose = problem.centered(&scene.pose).retract(&random.tangent(0.02, 0.05));
     for region in problem.sampled() {
         let numbers: Vec<usize> = (0..region.count()).collect();
-        let projected =
-            |at: &Tangent| numbers.iter().map(|&n| region.project(&pose.retract(at), n)).collect::<Vec<_>>();
+        let projected = |at: &Tangent| {
+            numbers.iter().map(|&n| region.project(&pose.retract(at), n, &Budget::unlimited())).collect::<Vec<_>>()
+        };
         let margins = |at: &Tangent| {
             let margin = |sample: &ProjectedSample| match sample {
                 ProjectedSample::Visible(margin) => margin.value,
@@ -140,9 +142,11 @@ fn margins_have_exact_derivatives() {
             DVector::from_iterator(numbers.len(), projected(at).iter().map(margin))
         };
         let expected = differences(&margins, &Tangent::zeros(), 4.0);
-        let found = OMatrix::<f64, Dyn, U6>::from_fn(numbers.len(), |row, column| match region.project(&pose, row) {
-            ProjectedSample::Visible(margin) => margin.gradient[column],
-            ProjectedSample::Behind { .. } => f64::NAN,
+        let found = OMatrix::<f64, Dyn, U6>::from_fn(numbers.len(), |row, column| {
+            match region.project(&pose, row, &Budget::unlimited()) {
+                ProjectedSample::Visible(margin) => margin.gradient[column],
+                ProjectedSample::Behind { .. } => f64::NAN,
+            }
         });
         // Where the nearest edge changes within the differences' step they mean nothing.
         let error = |row: usize| (found.row(row) - expected.row(row)).norm() / expected.row(row).norm();

@@ -3,6 +3,7 @@
 use crate::support::random::Random;
 use crate::support::scene::{Layout, Ring, Scene, SpaceRing, angle_piece, regular};
 use nalgebra::{Rotation3, Unit, Vector3};
+use regionpose::internals::budget::Budget;
 use regionpose::internals::search::symmetry::turned_poses;
 use regionpose::{Estimate, Integration, Pose, System, WorldRegion};
 
@@ -92,7 +93,7 @@ fn the_turns_of_a_hexagon_are_all_its_places_but_the_one_it_is_at() {
     let layout = Layout { offset: 0.0, axis: Some(Vector3::z()), ..Layout::default() };
     let scene = Scene::of_shapes(&mut Random::new(3), vec![vec![regular(6, 1.0)]], layout);
     let problem = scene.problem(System::Plane, Integration::Boundary);
-    let turned = turned_poses(&problem, &problem.centered(&scene.pose), 1);
+    let turned = turned_poses(&problem, &problem.centered(&scene.pose), 1, &Budget::unlimited());
     let whole = scene.worlds[0].rings().remove(0);
     let places: Vec<Pose> = symmetric(&scene, &whole, 6).iter().map(|pose| problem.centered(pose)).collect();
     let near = |pose: &Pose| turned.iter().any(|found| found.angle_to(pose) < FOUND);
@@ -103,7 +104,7 @@ fn the_turns_of_a_hexagon_are_all_its_places_but_the_one_it_is_at() {
 fn regions_of_several_planes_have_no_turns() {
     let scene = Scene::random(&mut Random::new(4), Layout { regions: 2, ..Layout::default() });
     let problem = scene.problem(System::Plane, Integration::Boundary);
-    assert!(turned_poses(&problem, &problem.centered(&scene.pose), 1).is_empty());
+    assert!(turned_poses(&problem, &problem.centered(&scene.pose), 1, &Budget::unlimited()).is_empty());
 }
 
 #[test]

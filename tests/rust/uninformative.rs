@@ -7,7 +7,7 @@ use crate::support::random::Random;
 use crate::support::samples::{layout, sampled};
 use crate::support::scene::{Scene, rectangle};
 use nalgebra::{Vector2, Vector3};
-use regionpose::internals::budget;
+use regionpose::internals::budget::Budget;
 use regionpose::internals::geometry::pose::Tangent;
 use regionpose::{Estimate, ObservedRegion, Options, Pose, PoseSigma, Prior, Problem, WorldRegion};
 
@@ -181,7 +181,7 @@ fn an_answer_of_the_outlines_has_a_warning() {
         sampled_answer.best.posterior.is_some()
             && sampled_answer.warnings.iter().all(|warning| warning.code() != "samples-unused")
     );
-    let (outline_answer, _) = budget::limited(0, || search.assess(minima).unwrap());
+    let (outline_answer, _) = Budget::unlimited().limited(0, |budget| search.assess_within(minima, budget).unwrap());
     let codes: Vec<_> = outline_answer.warnings.iter().map(|warning| warning.code()).collect();
     assert!(outline_answer.best.posterior.is_none() && codes.contains(&"samples-unused"), "{codes:?}");
     assert!(codes.contains(&"poor-overlap") || codes.contains(&"outlier-region"), "{codes:?}");

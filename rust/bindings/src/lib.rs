@@ -25,6 +25,8 @@ mod _core {
     #[pymodule_export]
     use crate::contours::{contour_pieces, nearest_edges};
     #[pymodule_export]
+    use crate::interrupts::work_counter;
+    #[pymodule_export]
     use crate::masks::mask_contours;
     #[pymodule_export]
     use crate::mesh::{alpha_shape, even_mesh, plane_rings, triangulate};
@@ -44,7 +46,7 @@ mod _core {
     #[pymodule_export]
     use crate::regions::{ObservedRegion, WorldRegion};
     #[pymodule_export]
-    use crate::solve::{Estimate, Minimum, Problem, Search, Solution, estimate_batch, work_counter};
+    use crate::solve::{Estimate, Minimum, Problem, Search, Solution, estimate_batch};
 
     #[pymodule_export]
     const TRUSTED: f64 = regionpose::internals::verdict::solution::TRUSTED;

@@ -49,7 +49,7 @@ pub fn plane_rings<'py>(
     polygon: bool,
 ) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
     let given = crate::arrays::rings::<2>(rings)?;
-    let valid = detached(py, || if polygon { PlaneRings::polygon(given) } else { PlaneRings::new(given) })?;
+    let valid = detached(py, |_| if polygon { PlaneRings::polygon(given) } else { PlaneRings::new(given) })?;
     ring_arrays(py, valid.map_err(value_error)?.rings())
 }
 
@@ -74,7 +74,7 @@ pub fn triangulate<'py>(
     let options = MeshOptions::default()
         .with_max_area(optional::<f64>("max_area", max_area, "a number or None")?)
         .with_min_angle(optional::<f64>("min_angle", min_angle, "a number or None")?);
-    let mesh = detached(py, || PlaneRings::new(given).and_then(|rings| triangulation::triangulate(&rings, options)))?;
+    let mesh = detached(py, |budget| triangulation::triangulate_within(&PlaneRings::new(given)?, options, budget))?;
     plane_mesh_arrays(py, &mesh.map_err(value_error)?)
 }
 
@@ -85,7 +85,7 @@ pub fn triangulate<'py>(
 #[pyfunction]
 pub fn even_mesh<'py>(py: Python<'py>, rings: &Bound<'py, PyAny>, edge_length: f64) -> PyResult<MeshArrays<'py>> {
     let given = crate::arrays::rings::<2>(rings)?;
-    let mesh = detached(py, || PlaneRings::new(given).and_then(|rings| even::even_mesh(&rings, edge_length)))?;
+    let mesh = detached(py, |budget| even::even_mesh_within(&PlaneRings::new(given)?, edge_length, budget))?;
     plane_mesh_arrays(py, &mesh.map_err(value_error)?)
 }
 
@@ -106,6 +106,6 @@ pub fn alpha_shape<'py>(
 ) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
     let given = self::points::<2>("points", points)?;
     let radius = scalar("radius", radius, "a positive number")?;
-    let rings = detached(py, || outline::alpha_shape(&given, radius))?;
+    let rings = detached(py, |budget| outline::alpha_shape_within(&given, radius, budget))?;
     ring_arrays(py, rings.map_err(value_error)?.rings())
 }

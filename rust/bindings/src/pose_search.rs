@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::{Vector2, Vector3};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
-use pyo3::exceptions::{PyKeyboardInterrupt, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::Error;
 use regionpose::internals::alignment::cloud_edges::{self, EdgeField, EdgeOptions};
@@ -16,7 +16,7 @@ use regionpose::internals::alignment::pictures::LogRatios;
 use regionpose::internals::alignment::posterior::Mode;
 use regionpose::internals::alignment::projection;
 use regionpose::internals::alignment::search::{self, SearchOptions, SearchProgress};
-use regionpose::internals::budget;
+use regionpose::internals::budget::Budget;
 
 use crate::arrays::{array, covariance, matrix, points, pose, rotation, translation, value_error, vector};
 use crate::interrupts::{detached, watched_threads};
@@ -160,7 +160,7 @@ impl AlignmentFrame {
         spread: usize,
     ) -> PyResult<(f64, usize)> {
         check_spread(spread)?;
-        Ok(self.0.log_ratio(&pose(rotation, translation)?, spread))
+        Ok(self.0.log_ratio(&pose(rotation, translation)?, spread, &Budget::unlimited()))
     }
 
     /// Pixels (n, 2) of the photo at which edges are seen at a pose, and the numbers (n,) of the directions across them.
@@ -171,7 +171,7 @@ impl AlignmentFrame {
         translation: &Bound<'py, PyAny>,
     ) -> PyResult<EdgeArrays<'py>> {
         let pose = pose(rotation, translation)?;
-        let (pixels, directions) = self.0.visible_edges(&pose, SPREADS - 1).pixels(&pose);
+        let (pixels, directions) = self.0.visible_edges(&pose, SPREADS - 1, &Budget::unlimited()).pixels(&pose);
         let directions = directions.into_iter().map(|direction| direction as i64).collect();
         Ok((array(py, &pixels)?, PyArray1::from_vec(py, directions)))
     }
@@ -216,7 +216,7 @@ impl Density {
     /// How many of its poses the widest spread of the edges of frames distinguishes.
     fn distinct_poses(&self, py: Python<'_>, frames: Vec<PyRef<'_, AlignmentFrame>>) -> PyResult<f64> {
         let frames = frames_of(&frames);
-        detached(py, || search::distinct_poses(&frames, &self.0, None))?.map_err(value_error)
+        detached(py, |budget| search::distinct_poses(&frames, &self.0, None, budget))?.map_err(value_error)
     }
 
     /// The logarithm of the density at a pose.
@@ -254,11 +254,10 @@ pub fn search_poses<'py>(
     let options = SearchOptions { draws, kept, threads };
     let done = SearchProgress::default();
     let watch = |py: Python<'_>| progress.as_ref().map_or(Ok(()), |call| call.call1(py, (done.fraction(),)).map(drop));
-    let found = watched_threads(py, watch, |stop| {
-        let search = || search::search_with_progress(&frames, &density.0, &starts, &options, &done);
-        budget::cancellable(stop.clone(), search)
+    let found = watched_threads(py, watch, |budget| {
+        search::search_with_progress(&frames, &density.0, &starts, &options, &done, budget)
     })?;
-    let found = found.ok_or_else(|| PyKeyboardInterrupt::new_err(()))?.map_err(value_error)?;
+    let found = found.map_err(value_error)?;
     found.iter().map(|mode| arrays_of(py, mode)).collect()
 }
 
@@ -287,7 +286,7 @@ impl LocalWeights {
         translation: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
         let (frames, pose) = (frames_of(&frames), pose(rotation, translation)?);
-        detached(py, || null_poses::LocalWeights::about(&frames, &pose)).map(Self)
+        detached(py, |budget| null_poses::LocalWeights::about(&frames, &pose, budget)).map(Self)
     }
 
     /// The maximum of the posterior reached from a start by these weights; None where no direction is certain.
@@ -300,7 +299,7 @@ impl LocalWeights {
         translation: &Bound<'py, PyAny>,
     ) -> PyResult<Option<ModeArrays<'py>>> {
         let (frames, start) = (frames_of(&frames), pose(rotation, translation)?);
-        let found = detached(py, || self.0.maximum(&frames, &density.0, &start))?;
+        let found = detached(py, |budget| self.0.maximum(&frames, &density.0, &start, budget))?;
         found.map(|mode| arrays_of(py, &mode)).transpose()
     }
 }

@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use nalgebra::UnitQuaternion;
 use numpy::{PyArray1, PyArray2};
-use pyo3::exceptions::{PyKeyboardInterrupt, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::Error;
-use regionpose::internals::batch::in_parallel;
-use regionpose::internals::budget;
+use regionpose::internals::batch::in_parallel_within;
+use regionpose::internals::budget::Budget;
 use regionpose::internals::equations::facet::Integration;
 use regionpose::internals::equations::least_squares;
 use regionpose::internals::equations::residual::Evaluation;
@@ -312,7 +312,7 @@ impl Problem {
         let integration: String = scalar("integration", integration, "\"boundary\", \"mesh\" or \"pixels\"")?;
         let mesh_size: Option<f64> = optional("mesh_size", mesh_size, "a number, or None")?;
         let (system, integration) = (parsed_system(&system)?, parsed_integration(&integration, mesh_size)?);
-        detached(py, || sides.problem(system, integration))?.map(Self).map_err(value_error)
+        detached(py, |budget| sides.problem(system, integration, budget))?.map(Self).map_err(value_error)
     }
 
     /// Cost of one evaluation of all of the problem, in units of `work_counter`.
@@ -333,7 +333,7 @@ impl Problem {
         limits: Option<[f64; 2]>,
     ) -> PyResult<Search> {
         let options = parsed_options(start, prior, refine, frame_sigma, limits)?;
-        detached(py, || self.0.search(&options)).map(Search)
+        detached(py, |budget| self.0.search_within(&options, budget)).map(Search)
     }
 
     /// The paper's own residuals (m,) at a pose, and their derivatives (m, 6) by a left increment; None where a region is out
@@ -357,7 +357,7 @@ impl Problem {
         translation: &Bound<'py, PyAny>,
     ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
         let pose = pose(rotation, translation)?;
-        let (whole, errors) = py.detach(|| coverage::overlap_errors(&self.0, &pose));
+        let (whole, errors) = py.detach(|| coverage::overlap_errors(&self.0, &pose, &Budget::unlimited()));
         Ok((whole, PyArray1::from_vec(py, errors)))
     }
 
@@ -390,7 +390,8 @@ impl Problem {
         limits: Option<[f64; 2]>,
     ) -> PyResult<Option<Estimate>> {
         let options = parsed_options(start, prior, refine, frame_sigma, limits)?;
-        Ok(in_view(detached(py, || self.0.estimate_with(&options))?).map_err(value_error)?.map(Estimate::new))
+        let found = detached(py, |budget| self.0.estimate_within(&options, budget))?;
+        Ok(in_view(found).map_err(value_error)?.map(Estimate::new))
     }
 }
 
@@ -479,7 +480,8 @@ impl Search {
     /// The verdict, with the minima that a driver found from the candidates; None without a pose in view.
     fn assess(&self, py: Python<'_>, minima: Vec<PyRef<'_, Minimum>>) -> PyResult<Option<Estimate>> {
         let minima = minima.iter().map(|minimum| minimum.0.clone()).collect();
-        Ok(in_view(detached(py, || self.0.clone().assess(minima))?).map_err(value_error)?.map(Estimate::new))
+        let found = detached(py, |budget| self.0.clone().assess_within(minima, budget))?;
+        Ok(in_view(found).map_err(value_error)?.map(Estimate::new))
     }
 }
 
@@ -497,18 +499,17 @@ impl Sides {
         }
     }
 
-    fn problem(&self, system: System, integration: Integration) -> regionpose::Result<problem::Problem> {
-        problem::Problem::with(&self.observed, &self.worlds, system, integration)
+    fn problem(
+        &self,
+        system: System,
+        integration: Integration,
+        budget: &Budget,
+    ) -> regionpose::Result<problem::Problem> {
+        problem::Problem::new_within(&self.observed, &self.worlds, system, integration, budget)
     }
 }
 
 type PySides<'py> = (Vec<PyRef<'py, ObservedRegion>>, Vec<PyRef<'py, WorldRegion>>);
-
-/// The work that this thread has charged to the budget of searches so far, in edge evaluations.
-#[pyfunction]
-pub fn work_counter() -> u64 {
-    budget::charged()
-}
 
 /// Estimates of many problems by the native solver, each with its prior, in order; None for a problem without a pose in
 /// view, and what is wrong with it for one that is refused.
@@ -545,18 +546,19 @@ pub fn estimate_batch<'py>(
         .zip(priors)
         .map(|((observed, worlds), prior)| Ok((Sides::new(observed, worlds), options(prior)?)));
     let tasks: Vec<(Sides, Options)> = tasks.collect::<PyResult<_>>()?;
-    let solve = |(sides, options): &(Sides, Options)| sides.problem(system, integration)?.estimate_with(options);
-    let results = detached_threads(py, |stop| {
+    let solve = |(sides, options): &(Sides, Options), budget: &Budget| {
+        sides.problem(system, integration, budget)?.estimate_within(options, budget)
+    };
+    let results = detached_threads(py, |budget| {
         // The results of an interrupted batch are dropped.
-        let solved_unless_canceled = |task: &(Sides, Options)| {
-            let solved = if stop() { None } else { budget::cancellable(stop.clone(), || solve(task)) };
-            solved.unwrap_or(Err(Error::Canceled))
+        let solved_unless_canceled = |task: &(Sides, Options), budget: &Budget| {
+            budget.poll(usize::MAX);
+            if budget.is_canceled() { Err(Error::Canceled) } else { solve(task, budget) }
         };
-        in_parallel(&tasks, threads, solved_unless_canceled)
+        in_parallel_within(&tasks, threads, solved_unless_canceled, budget)
     });
     let answer = |result| match in_view(result) {
         Ok(found) => Ok(found.map(Estimate::new).into_pyobject(py)?.into_any()),
-        Err(Error::Canceled) => Err(PyKeyboardInterrupt::new_err(())),
         Err(error) => Ok(error.to_string().into_pyobject(py)?.into_any()),
     };
     results?.map_err(value_error)?.into_iter().map(answer).collect()

@@ -8,7 +8,7 @@ use super::cloud_edges::{CloudEdges, EdgeGroup, GroupedEdges, Thinning};
 use super::groups::{Floats, GROUP, Numbers, ZEROS, total};
 use super::pictures::{LogRatios, directions_of};
 use super::projection::{Pixels, Places, Projection};
-use crate::budget;
+use crate::budget::Budget;
 use crate::geometry::pose::Pose;
 use crate::math::lanes::{NullaryFnOnce, vectorized};
 
@@ -74,23 +74,23 @@ impl Frame {
 
     /// The sum of log likelihood ratios under the edges that a camera at a pose sees, by the number of the spread, as if edges were
     /// independent; and how many the photo shows.
-    pub fn log_ratio(&self, pose: &Pose, spread: usize) -> (f64, usize) {
-        if budget::is_canceled() {
+    pub fn log_ratio(&self, pose: &Pose, spread: usize, budget: &Budget) -> (f64, usize) {
+        if budget.is_canceled() {
             return (0.0, 0);
         }
         let (sum, count, evaluated) = vectorized(Sum { frame: self, pose, spread });
-        budget::charge(evaluated);
+        budget.charge(evaluated);
         (sum, count)
     }
 
     /// The edges that a camera at a pose sees, for sums at poses near it.
-    pub fn visible_edges(&self, pose: &Pose, spread: usize) -> VisibleEdges<'_> {
-        let mut visible = VisibleEdges { frame: self, spread, groups: Vec::new(), count: 0 };
-        if budget::is_canceled() {
+    pub fn visible_edges<'a>(&'a self, pose: &Pose, spread: usize, budget: &'a Budget) -> VisibleEdges<'a> {
+        let mut visible = VisibleEdges { frame: self, spread, groups: Vec::new(), count: 0, budget };
+        if budget.is_canceled() {
             return visible;
         }
         let evaluated = vectorized(Find { pose, visible: &mut visible });
-        budget::charge(evaluated);
+        budget.charge(evaluated);
         visible
     }
 
@@ -219,6 +219,7 @@ pub struct VisibleEdges<'a> {
     spread: usize,
     groups: Vec<VisibleGroup>,
     count: usize,
+    budget: &'a Budget,
 }
 
 /// A group of them; NaN where they are fewer than it holds.
@@ -247,7 +248,7 @@ impl VisibleEdges<'_> {
     /// The sum of log likelihood ratios at a pose, less an `offset` for each edge that the photo shows, and its derivative by a left
     /// increment.
     pub fn log_ratio(&self, pose: &Pose, offset: f64) -> (f64, SVector<f64, 6>) {
-        budget::charge(2 * self.count);
+        self.budget.charge(2 * self.count);
         let (sum, count, slope) = vectorized(SumAndSlope { edges: self, pose });
         (sum - offset * count as f64, slope)
     }

@@ -9,6 +9,7 @@ use super::density::{PoseDensity, sequence};
 use super::frame::{FINEST, Frame};
 use super::parallel::mapped;
 use super::posterior::{Mode, Posterior, Weight};
+use crate::budget::Budget;
 use crate::error::Result;
 use crate::geometry::pose::Pose;
 
@@ -31,13 +32,16 @@ pub(super) fn weights_among(
     poses: &[Pose],
     spread: usize,
     threads: Option<usize>,
+    budget: &Budget,
 ) -> Result<Vec<Weight>> {
-    Ok(log_odds_weights(&Sums(mapped(&turned(poses), threads, |pose| sums_at(frames, pose, spread))?)))
+    let sums = mapped(&turned(poses), threads, |pose, budget| sums_at(frames, pose, spread, budget), budget)?;
+    Ok(log_odds_weights(&Sums(sums)))
 }
 
 /// Weights by null poses about one pose: those of a posterior by the finest spread, those that make sums log odds by others.
-pub(super) fn weights_about(frames: &[Frame], pose: &Pose, spread: usize) -> Vec<Weight> {
-    let sums = |count| Sums(turned(&vec![*pose; count]).iter().map(|null| sums_at(frames, null, spread)).collect());
+pub(super) fn weights_about(frames: &[Frame], pose: &Pose, spread: usize, budget: &Budget) -> Vec<Weight> {
+    let sums =
+        |count| Sums(turned(&vec![*pose; count]).iter().map(|null| sums_at(frames, null, spread, budget)).collect());
     if spread == FINEST { tempering_weights(&sums(LOCAL_NULLS)) } else { log_odds_weights(&sums(RANKING_NULLS)) }
 }
 
@@ -48,15 +52,15 @@ pub struct LocalWeights([Vec<Weight>; FINEST]);
 
 impl LocalWeights {
     /// Those about a pose, of all spreads but the widest.
-    pub fn about(frames: &[Frame], pose: &Pose) -> Self {
-        Self(std::array::from_fn(|number| weights_about(frames, pose, number + 1)))
+    pub fn about(frames: &[Frame], pose: &Pose, budget: &Budget) -> Self {
+        Self(std::array::from_fn(|number| weights_about(frames, pose, number + 1, budget)))
     }
 
     /// The maximum of the posterior reached from a start, from coarse to fine spreads.
-    pub fn maximum(&self, frames: &[Frame], density: &PoseDensity, start: &Pose) -> Option<Mode> {
+    pub fn maximum(&self, frames: &[Frame], density: &PoseDensity, start: &Pose, budget: &Budget) -> Option<Mode> {
         let at = |spread: usize| Posterior { frames, weights: self.0[spread - 1].clone(), spread, density };
-        let pose = (1..=FINEST).fold(*start, |pose, spread| at(spread).maximum(&pose).0);
-        at(FINEST).mode(&pose)
+        let pose = (1..=FINEST).fold(*start, |pose, spread| at(spread).maximum(&pose, budget).0);
+        at(FINEST).mode(&pose, budget)
     }
 }
 
@@ -73,8 +77,8 @@ impl Sums {
     }
 }
 
-fn sums_at(frames: &[Frame], pose: &Pose, spread: usize) -> Vec<(f64, usize)> {
-    frames.iter().map(|frame| frame.log_ratio(pose, spread)).collect()
+fn sums_at(frames: &[Frame], pose: &Pose, spread: usize, budget: &Budget) -> Vec<(f64, usize)> {
+    frames.iter().map(|frame| frame.log_ratio(pose, spread, budget)).collect()
 }
 
 /// Weights of frames that make sums the log odds that they exceed those of wrong poses by [`SEPARATION`] deviations rather than by

@@ -1,6 +1,6 @@
 //! The same work on many items, on all cores where the crate has threads.
 
-use crate::budget;
+use crate::budget::Budget;
 use crate::error::Result;
 
 /// Items that are worked on in a row: enough that threads are worth it.
@@ -11,17 +11,18 @@ const CHUNK: usize = 16;
 pub(super) fn mapped<T: Sync, A: Send>(
     items: &[T],
     threads: Option<usize>,
-    work: impl Fn(&T) -> A + Sync,
+    work: impl Fn(&T, &Budget) -> A + Sync,
+    budget: &Budget,
 ) -> Result<Vec<A>> {
     let chunks: Vec<&[T]> = items.chunks(CHUNK).collect();
-    let all = |chunk: &&[T]| {
-        // A chunk is shorter than the interval between two polls, and each has a counter of its own.
-        budget::poll(usize::MAX);
-        Ok(chunk.iter().map(&work).collect::<Vec<A>>())
+    let all = |chunk: &&[T], budget: &Budget| {
+        // A chunk is shorter than the interval between two polls, and each has a budget of its own.
+        budget.poll(usize::MAX);
+        Ok(chunk.iter().map(|item| work(item, budget)).collect::<Vec<A>>())
     };
-    let done = crate::batch::in_parallel(&chunks, threads, all)?;
+    let done = crate::batch::in_parallel_within(&chunks, threads, all, budget)?;
     // Of a thread that ended early the caller must know, or would take what it has for an answer.
-    budget::poll(usize::MAX);
+    budget.poll(usize::MAX);
     let mut made = Vec::with_capacity(items.len());
     for chunk in done {
         made.extend(chunk?);
@@ -34,11 +35,12 @@ pub(super) fn mapped<T: Sync, A: Send>(
 pub(super) fn mapped<T: Sync, A: Send>(
     items: &[T],
     _threads: Option<usize>,
-    work: impl Fn(&T) -> A + Sync,
+    work: impl Fn(&T, &Budget) -> A + Sync,
+    budget: &Budget,
 ) -> Result<Vec<A>> {
     let all = |chunk: &[T]| {
-        budget::poll(usize::MAX);
-        chunk.iter().map(&work).collect::<Vec<A>>()
+        budget.poll(usize::MAX);
+        chunk.iter().map(|item| work(item, budget)).collect::<Vec<A>>()
     };
     Ok(items.chunks(CHUNK).flat_map(all).collect())
 }

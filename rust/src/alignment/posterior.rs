@@ -5,6 +5,7 @@ use nalgebra::{Matrix6, SymmetricEigen, Vector6};
 use super::density::PoseDensity;
 use super::descent::{Ends, minimum};
 use super::frame::{FINEST, Frame, SPREADS_PX, VisibleEdges};
+use crate::budget::Budget;
 use crate::geometry::pose::{Pose, increment_derivative};
 
 /// Least curvature of the log posterior, relative to that of the prior and [`WIDEST_PX`] together: no direction is much less certain
@@ -80,10 +81,10 @@ pub struct Mode {
 
 impl Posterior<'_> {
     /// The log density at a pose.
-    pub fn log_density(&self, pose: &Pose) -> f64 {
+    pub fn log_density(&self, pose: &Pose, budget: &Budget) -> f64 {
         let frames = self.frames.iter().zip(&self.weights);
         let ratios = frames.map(|(frame, weight)| {
-            let (sum, count) = frame.log_ratio(pose, self.spread);
+            let (sum, count) = frame.log_ratio(pose, self.spread, budget);
             let [offset, scale] = weight.of(count);
             scale * (sum - offset * count as f64)
         });
@@ -91,8 +92,8 @@ impl Posterior<'_> {
     }
 
     /// The local maximum reached from a pose, and the log density there.
-    pub fn maximum(&self, pose: &Pose) -> (Pose, f64) {
-        let local = Local::new(self, *pose);
+    pub fn maximum(&self, pose: &Pose, budget: &Budget) -> (Pose, f64) {
+        let local = Local::new(self, *pose, budget);
         let Some(root) = local.root() else { return (*pose, f64::NEG_INFINITY) };
         let cost = |x: &Vector6<f64>| {
             let increment = root * x;
@@ -105,8 +106,8 @@ impl Posterior<'_> {
     }
 
     /// A maximum with its covariance and mass.
-    pub fn mode(&self, pose: &Pose) -> Option<Mode> {
-        let local = Local::new(self, *pose);
+    pub fn mode(&self, pose: &Pose, budget: &Budget) -> Option<Mode> {
+        let local = Local::new(self, *pose, budget);
         let (prior, squares) = (self.density.at(pose).information, local.squares);
         let longest = prior / (STEP_UNITS * STEP_UNITS) + squares / (STEP_SPREADS * SPREADS_PX[self.spread]).powi(2);
         let steps = SymmetricEigen::new(regular(&longest));
@@ -137,14 +138,14 @@ impl Posterior<'_> {
     }
 
     /// The matrix of the mean squares, in spreads, by which left increments of a pose move the edges that it sees.
-    pub fn metric(&self, pose: &Pose) -> Matrix6<f64> {
-        Local::new(self, *pose).squares / SPREADS_PX[self.spread].powi(2)
+    pub fn metric(&self, pose: &Pose, budget: &Budget) -> Matrix6<f64> {
+        Local::new(self, *pose, budget).squares / SPREADS_PX[self.spread].powi(2)
     }
 
     /// The volume of the prior's deviations about a pose over that of those in which the edges of a frame move by less than a spread.
-    pub(super) fn distinct_poses(&self, pose: &Pose) -> f64 {
+    pub(super) fn distinct_poses(&self, pose: &Pose, budget: &Budget) -> f64 {
         let prior = regular(&self.density.at(pose).information);
-        let moved = self.metric(pose) / self.frames.len().max(1) as f64;
+        let moved = self.metric(pose, budget) / self.frames.len().max(1) as f64;
         ((prior + moved).determinant() / prior.determinant()).sqrt()
     }
 }
@@ -165,9 +166,9 @@ struct Local<'a> {
 }
 
 impl<'a> Local<'a> {
-    fn new(posterior: &'a Posterior<'a>, pose: Pose) -> Self {
+    fn new(posterior: &'a Posterior<'a>, pose: Pose, budget: &'a Budget) -> Self {
         let visible: Vec<_> =
-            posterior.frames.iter().map(|frame| frame.visible_edges(&pose, posterior.spread)).collect();
+            posterior.frames.iter().map(|frame| frame.visible_edges(&pose, posterior.spread, budget)).collect();
         let (mut squares, mut edges, mut weights) = (Matrix6::zeros(), 0, Vec::new());
         for (frame, weight) in visible.iter().zip(&posterior.weights) {
             let (moves, count) = frame.square_moves(&pose);

@@ -10,6 +10,7 @@ use super::frame::{FINEST, Frame};
 use super::null_poses::{RANKING_NULLS, weights_about, weights_among};
 use super::parallel::mapped;
 use super::posterior::{Mode, Posterior, Weight};
+use crate::budget::Budget;
 use crate::error::Result;
 use crate::geometry::pose::Pose;
 
@@ -84,11 +85,12 @@ const VOLUMES: usize = 128;
 ///
 /// # Errors
 /// When threads cannot be started.
-pub fn distinct_poses(frames: &[Frame], density: &PoseDensity, threads: Option<usize>) -> Result<f64> {
+pub fn distinct_poses(frames: &[Frame], density: &PoseDensity, threads: Option<usize>, budget: &Budget) -> Result<f64> {
     let sampler = Sampler::new(density.clone());
     let posterior = Posterior { frames, weights: vec![Weight::Tempered(0.0); frames.len()], spread: 0, density };
     let numbers: Vec<usize> = (0..VOLUMES).collect();
-    let mut volumes = mapped(&numbers, threads, |number| posterior.distinct_poses(&sampler.draw(*number)))?;
+    let volume = |number: &usize, budget: &Budget| posterior.distinct_poses(&sampler.draw(*number), budget);
+    let mut volumes = mapped(&numbers, threads, volume, budget)?;
     volumes.sort_by(f64::total_cmp);
     Ok(volumes[VOLUMES / 2])
 }
@@ -99,10 +101,10 @@ pub fn distinct_poses(frames: &[Frame], density: &PoseDensity, threads: Option<u
 /// # Errors
 /// When threads cannot be started.
 pub fn search(frames: &[Frame], density: &PoseDensity, starts: &[Pose], options: &SearchOptions) -> Result<Vec<Mode>> {
-    search_with_progress(frames, density, starts, options, &SearchProgress::default())
+    search_with_progress(frames, density, starts, options, &SearchProgress::default(), &Budget::unlimited())
 }
 
-/// [`search`], which reports to `progress`.
+/// [`search`], which reports to `progress`, within a budget.
 ///
 /// # Errors
 /// When threads cannot be started.
@@ -112,6 +114,7 @@ pub fn search_with_progress(
     starts: &[Pose],
     options: &SearchOptions,
     progress: &SearchProgress,
+    budget: &Budget,
 ) -> Result<Vec<Mode>> {
     let expected = [options.draws, options.kept[0] + starts.len(), options.kept[1], options.kept[2]];
     progress.begin(expected);
@@ -119,33 +122,35 @@ pub fn search_with_progress(
     let sampler = Sampler::new(density.clone());
     let bases = null_bases(&sampler, starts, options.draws);
     let threads = options.threads;
-    let best = best_draws(frames, density, &sampler, &bases, options, progress)?;
+    let best = best_draws(frames, density, &sampler, &bases, options, progress, budget)?;
     let mut held: Vec<Pose> = starts.iter().copied().chain(best).collect();
     for spread in 1..FINEST {
         pass_missing(spread, held.len());
-        let weights = weights_among(frames, &bases, spread, threads)?;
+        let weights = weights_among(frames, &bases, spread, threads, budget)?;
         let posterior = Posterior { frames, weights, spread, density };
         // The null distribution of a sum depends on the pose, so poses are ranked by null poses about each.
-        let refined = mapped(&held, threads, |pose| {
-            let (pose, _) = posterior.maximum(pose);
+        let refine = |pose: &Pose, budget: &Budget| {
+            let (pose, _) = posterior.maximum(pose, budget);
             progress.count(spread);
-            let weights = weights_about(frames, &pose, spread);
-            (pose, Posterior { weights, ..posterior.clone() }.log_density(&pose))
-        })?;
-        held = distinct(&posterior, refined, options.kept[spread], threads)?;
+            let weights = weights_about(frames, &pose, spread, budget);
+            (pose, Posterior { weights, ..posterior.clone() }.log_density(&pose, budget))
+        };
+        let refined = mapped(&held, threads, refine, budget)?;
+        held = distinct(&posterior, refined, options.kept[spread], threads, budget)?;
     }
     pass_missing(FINEST, held.len());
-    let found = mapped(&held, threads, |pose| {
-        let weights = weights_about(frames, pose, FINEST);
+    let mode = |pose: &Pose, budget: &Budget| {
+        let weights = weights_about(frames, pose, FINEST, budget);
         let posterior = Posterior { frames, weights, spread: FINEST, density };
-        let mode = posterior.mode(&posterior.maximum(pose).0);
+        let mode = posterior.mode(&posterior.maximum(pose, budget).0, budget);
         progress.count(FINEST);
         mode
-    })?;
+    };
+    let found = mapped(&held, threads, mode, budget)?;
     let modes: Vec<Mode> = found.into_iter().flatten().collect();
     let scored = modes.iter().map(|mode| (mode.pose, mode.log_mass)).collect();
     let whole = Posterior { frames, weights: vec![Weight::Tempered(0.0); frames.len()], spread: FINEST, density };
-    let apart = distinct(&whole, scored, modes.len(), threads)?;
+    let apart = distinct(&whole, scored, modes.len(), threads, budget)?;
     let at = |pose: &Pose| modes.iter().find(|mode| mode.pose == *pose).copied();
     Ok(apart.iter().filter_map(at).collect())
 }
@@ -156,6 +161,7 @@ fn distinct(
     mut held: Vec<(Pose, f64)>,
     most: usize,
     threads: Option<usize>,
+    budget: &Budget,
 ) -> Result<Vec<Pose>> {
     held.retain(|(_, value)| *value > f64::NEG_INFINITY);
     held.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -163,7 +169,7 @@ fn distinct(
     let mut metrics: Vec<Matrix6<f64>> = Vec::new();
     // Metrics are made for as many as may be kept, in parallel.
     let candidates = &held[..held.len().min(4 * most)];
-    let made = mapped(candidates, threads, |(pose, _)| posterior.metric(pose))?;
+    let made = mapped(candidates, threads, |(pose, _), budget| posterior.metric(pose, budget), budget)?;
     for ((pose, _), metric) in candidates.iter().zip(made) {
         let is_new = kept.iter().zip(&metrics).all(|(other, metric)| {
             // This alone distinguishes most pairs.
@@ -200,18 +206,20 @@ fn best_draws(
     bases: &[Pose],
     options: &SearchOptions,
     progress: &SearchProgress,
+    budget: &Budget,
 ) -> Result<Vec<Pose>> {
     if options.draws == 0 {
         return Ok(Vec::new());
     }
-    let posterior =
-        Posterior { frames, weights: weights_among(frames, bases, 0, options.threads)?, spread: 0, density };
+    let weights = weights_among(frames, bases, 0, options.threads, budget)?;
+    let posterior = Posterior { frames, weights, spread: 0, density };
     let numbers: Vec<usize> = (0..options.draws).collect();
-    let mut drawn = mapped(&numbers, options.threads, |number| {
+    let draw = |number: &usize, budget: &Budget| {
         let pose = sampler.draw(*number);
         progress.count(0);
-        (pose, posterior.log_density(&pose))
-    })?;
+        (pose, posterior.log_density(&pose, budget))
+    };
+    let mut drawn = mapped(&numbers, options.threads, draw, budget)?;
     drawn.sort_by(|a, b| b.1.total_cmp(&a.1));
     Ok(drawn.into_iter().map(|(pose, _)| pose).take(options.kept[0]).collect())
 }

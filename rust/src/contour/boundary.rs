@@ -5,7 +5,7 @@ use std::ops::{Index, Range};
 use nalgebra::{Rotation3, Vector2, Vector3};
 
 use super::pieces::edges;
-use crate::budget;
+use crate::budget::Budget;
 use crate::geometry::edge_field::{GROUP, ROUNDING};
 use crate::geometry::pose::Pose;
 use crate::geometry::rings::bounding_box;
@@ -197,7 +197,7 @@ impl Edges {
     }
 
     /// The first of the edges nearest to a point; a box farther than one that was found holds none. Charges the edges it evaluates.
-    pub(super) fn nearest(&self, point: &Vector2<f64>) -> usize {
+    pub(super) fn nearest(&self, point: &Vector2<f64>, budget: &Budget) -> usize {
         let (mut best, mut evaluated) = ((f64::INFINITY, 0), self.boxes.len());
         for (group, (edges, around)) in self.all.chunks(GROUP).zip(&self.boxes).enumerate() {
             if around.square(point) > best.0 {
@@ -209,7 +209,7 @@ impl Edges {
                 best = if square < best.0 { (square, group * GROUP + place) } else { best };
             }
         }
-        budget::charge(evaluated);
+        budget.charge(evaluated);
         best.1
     }
 }

@@ -2,11 +2,12 @@
 
 use std::ops::Range;
 
-use nalgebra::{Matrix2, Matrix6, Vector2};
+use nalgebra::{Matrix2, Matrix6, Vector2, Vector6};
 
 use super::degrees_of_freedom::{PRIOR_OBSERVATIONS, observation_count, residual_dof};
 use super::fit::ContourFit;
 use super::readings::{Contour, Reading};
+use crate::budget::Budget;
 use crate::equations::information::{Information, free, validated_covariance};
 use crate::equations::normal_equations::{in_lanes, outer_products, turned};
 use crate::geometry::pose::PARAMETERS;
@@ -66,8 +67,8 @@ struct Side {
 
 /// Covariance of the left increment `[omega (rad), tau (meters)]` of a pose on the contours; infinite where a direction is
 /// left free.
-pub fn covariance(contours: &[Contour], fit: &ContourFit) -> Matrix6<f64> {
-    let Some(rows) = Rows::at(contours, fit) else { return free() };
+pub fn covariance(contours: &[Contour], fit: &ContourFit, budget: &Budget) -> Matrix6<f64> {
+    let Some(rows) = Rows::at(contours, fit, budget) else { return free() };
     let steepness = (rows.sum(|row| row.slope) / rows.sum(|row| row.weight)).max(LEAST_SLOPE);
     let [information] = rows.products(|_, row| [row.weight * steepness]);
     let Some(information) = Information::holding(&information) else { return free() };
@@ -104,7 +105,7 @@ fn scatter(rows: &Rows<'_>, inverse: &Matrix6<f64>) -> Matrix6<f64> {
 }
 
 impl<'a> Rows<'a> {
-    fn at(contours: &'a [Contour], fit: &ContourFit) -> Option<Self> {
+    fn at(contours: &'a [Contour], fit: &ContourFit, budget: &Budget) -> Option<Self> {
         // Where a few pieces lie within the floor, that is the noise, and all of them add no information.
         let step = if fit.root_mean_square() < NOISE_FLOOR { fit.step() } else { 1 };
         let counts: Vec<usize> = contours.iter().map(|contour| contour.count(step)).collect();
@@ -115,13 +116,14 @@ impl<'a> Rows<'a> {
         for ((region, readings), contour) in fit.regions().zip(contours) {
             let odds = mixture.odds(region);
             let readings = (fit.step() == step).then_some(readings);
-            contour.for_each_row(&fit.pose, step, readings, fit.outlier_threshold(), |reading, derivative, run| {
+            let add = |reading: Reading, derivative: Vector6<f64>, run: Option<[usize; 2]>| {
                 let (clean, weight) = odds.clean_and_weight(&reading);
                 // The weight falls as the piece's chance to be clean does.
                 let fall = clean * (1.0 - clean) * (1.0 - ratio).powi(2) * (reading.distance / mixture.sigma).powi(2);
                 all.push(Row { reading, weight, slope: weight - fall, region, run });
                 derivatives.push(in_lanes(&derivative));
-            })?;
+            };
+            contour.for_each_row(&fit.pose, step, readings, fit.outlier_threshold(), add, budget)?;
         }
         Some(Self { contours, step, all, derivatives, counts })
     }

@@ -7,7 +7,7 @@ use nalgebra::{Vector2, Vector3, Vector6};
 
 use super::neighbors::neighbors;
 use super::pieces::{edges, straight_runs};
-use crate::budget;
+use crate::budget::Budget;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::edge_boxes::{Corners, EdgeBoxes};
 use crate::geometry::pose::Pose;
@@ -51,20 +51,25 @@ pub struct Crease {
 }
 
 /// The creases of all pairs of regions, world coordinates about `origin`.
-pub fn creases(regions: &[RegionEquations], worlds: &[WorldRegion], origin: &Vector3<f64>) -> Vec<Crease> {
+pub fn creases(
+    regions: &[RegionEquations],
+    worlds: &[WorldRegion],
+    origin: &Vector3<f64>,
+    budget: &Budget,
+) -> Vec<Crease> {
     let sides: Vec<OnceCell<Vec<Side>>> = vec![OnceCell::new(); regions.len()];
-    let sides_of = |index: usize| sides[index].get_or_init(|| self::sides(&regions[index])).as_slice();
+    let sides_of = |index: usize| sides[index].get_or_init(|| self::sides(&regions[index], budget)).as_slice();
     let crease = |pair: [usize; 2]| {
-        let (point, direction) = meeting_line(&worlds[pair[0]], &worlds[pair[1]])?;
-        let ends = shared_edge(&regions[pair[0]], pair.map(sides_of))?;
+        let (point, direction) = meeting_line(&worlds[pair[0]], &worlds[pair[1]], budget)?;
+        let ends = shared_edge(&regions[pair[0]], pair.map(sides_of), budget)?;
         let pixels = pair.map(|index| regions[index].pixels_per_radian());
         Some(Crease { regions: pair, ends, point: point - origin, direction, pixels: (pixels[0] + pixels[1]) / 2.0 })
     };
-    neighbors(regions, |region| SHARED / region.pixels_per_radian()).into_iter().filter_map(crease).collect()
+    neighbors(regions, |region| SHARED / region.pixels_per_radian(), budget).into_iter().filter_map(crease).collect()
 }
 
 /// The line in which two planes meet, if both regions reach it: a point and the direction.
-fn meeting_line(first: &WorldRegion, second: &WorldRegion) -> Option<(Vector3<f64>, Vector3<f64>)> {
+fn meeting_line(first: &WorldRegion, second: &WorldRegion, budget: &Budget) -> Option<(Vector3<f64>, Vector3<f64>)> {
     if [first, second].iter().any(|world| world.surface().is_some() || world.is_line()) {
         return None;
     }
@@ -75,7 +80,7 @@ fn meeting_line(first: &WorldRegion, second: &WorldRegion) -> Option<(Vector3<f6
     let across = a.axes[2].cross(&direction);
     let point = a.origin + across * (-b.height(&a.origin) / b.axes[2].dot(&across));
     let meets = |world: &WorldRegion| {
-        budget::charge(world.outline().rings().iter().map(Vec::len).sum());
+        budget.charge(world.outline().rings().iter().map(Vec::len).sum());
         let side = world.frame().axes[2].cross(&direction);
         let offsets = world.rings().concat().into_iter().map(|x| side.dot(&(x - point)));
         let (low, high) = offsets.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
@@ -89,7 +94,7 @@ type Side = [Vector3<f64>; 2];
 
 /// Bearings of the ends of the longest edge that two observed outlines share, each outline on its own side of it; `first` is the
 /// region of the first of both lists of sides.
-fn shared_edge(first: &RegionEquations, sides: [&[Side]; 2]) -> Option<Side> {
+fn shared_edge(first: &RegionEquations, sides: [&[Side]; 2], budget: &Budget) -> Option<Side> {
     let (chart, pixels) = (first.chart(), first.pixels_per_radian());
     let in_pixels = |ray: &Vector3<f64>| {
         let turned = chart.rotation * ray;
@@ -99,7 +104,7 @@ fn shared_edge(first: &RegionEquations, sides: [&[Side]; 2]) -> Option<Side> {
     // No part of a shorter side is long enough.
     let in_chart =
         |side: &Side| Some([in_pixels(&side[0])?, in_pixels(&side[1])?]).filter(|side| length(side) >= SHORTEST);
-    budget::charge(sides[0].len() + sides[1].len());
+    budget.charge(sides[0].len() + sides[1].len());
     let [own, other_sides] = sides.map(|sides| sides.iter().filter_map(in_chart).collect::<Vec<_>>());
     let other_sides = EdgeBoxes::new(other_sides);
     let mut longest: Option<[Vector2<f64>; 2]> = None;
@@ -107,23 +112,24 @@ fn shared_edge(first: &RegionEquations, sides: [&[Side]; 2]) -> Option<Side> {
         // What runs beside it is no farther from it anywhere than what is shared may be.
         let (low, high) = (side[0].inf(&side[1]).add_scalar(-SHARED), side[0].sup(&side[1]).add_scalar(SHARED));
         let is_near = |other: &Corners| (0..2).all(|axis| other[0][axis] <= high[axis] && other[1][axis] >= low[axis]);
-        other_sides.for_each_near(is_near, |_, other| {
+        let compare = |_, other: [Vector2<f64>; 2]| {
             let part = shared_part(side, &other);
             if part.is_some_and(|part| longest.is_none_or(|longest| length(&part) >= length(&longest))) {
                 longest = part;
             }
-        });
+        };
+        other_sides.for_each_near(is_near, compare, budget);
     }
     Some(longest?.map(|p| chart.rotation.inverse() * (p / pixels).push(1.0).normalize()))
 }
 
 /// The straight sides of an observed outline that are its own.
-fn sides(region: &RegionEquations) -> Vec<Side> {
+fn sides(region: &RegionEquations, budget: &Budget) -> Vec<Side> {
     let (chart, mut runs) = (region.chart(), 0);
     let mut found: Vec<Side> = Vec::new();
     let lift = |p: Vector2<f64>| chart.rotation.inverse() * (p / chart.scale).push(1.0);
     for (ring, foreign) in region.outline().rings().iter().zip(region.foreign_edges()) {
-        budget::charge(ring.len());
+        budget.charge(ring.len());
         let mut last = None;
         let numbers = straight_runs(ring, &mut runs);
         for (((from, to), number), &foreign) in edges(ring).zip(numbers).zip(foreign) {

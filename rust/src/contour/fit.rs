@@ -8,7 +8,7 @@ use nalgebra::{Matrix6, Vector6};
 use super::mixture::{Distances, Mixture, SCALE_STEP};
 use super::readings::{Contour, Reading};
 use super::region_preference::{RegionPreference, compare_by_region, of_counted};
-use crate::budget;
+use crate::budget::Budget;
 use crate::equations::normal_equations::NormalEquations;
 use crate::equations::step_bounds::{backtracked, clamped};
 use crate::geometry::pose::{Pose, Tangent};
@@ -87,8 +87,8 @@ impl ContourFit {
     /// The fit at a pose about the problem's origin, from every `step`-th piece of the boundaries; `None` where a region is out
     /// of view.
     #[doc(hidden)]
-    pub fn at(contours: &[Contour], pose: &Pose, step: usize) -> Option<Self> {
-        Some(Self::of(*pose, Readings::at(contours, pose, step)?, step))
+    pub fn at(contours: &[Contour], pose: &Pose, step: usize, budget: &Budget) -> Option<Self> {
+        Some(Self::of(*pose, Readings::at(contours, pose, step, budget)?, step))
     }
 
     fn of(pose: Pose, readings: Readings, step: usize) -> Self {
@@ -168,21 +168,21 @@ impl ContourFit {
     /// The contours' likelihood as a factor of the pose's left increment, to second order, of as many pieces as vary
     /// independently; `None` where a region is out of view.
     #[doc(hidden)]
-    pub fn gaussian(&self, contours: &[Contour]) -> Option<Gaussian> {
-        let regions = self.region_gaussians(contours)?.into_iter();
+    pub fn gaussian(&self, contours: &[Contour], budget: &Budget) -> Option<Gaussian> {
+        let regions = self.region_gaussians(contours, budget)?.into_iter();
         let sum = regions.fold(Gaussian::default(), |sum, region| sum + region);
         Some(Gaussian { offset: self.independent() * self.mixture.likelihood, ..sum })
     }
 
     /// The same of each region's contour, but for a multiple.
     #[doc(hidden)]
-    pub fn region_gaussians(&self, contours: &[Contour]) -> Option<Vec<Gaussian>> {
+    pub fn region_gaussians(&self, contours: &[Contour], budget: &Budget) -> Option<Vec<Gaussian>> {
         let share = self.independent() / self.readings.len().max(1) as f64;
         let factor = share / (self.mixture.sigma * self.mixture.sigma);
         let region = |((region, readings), contour): ((usize, &[Reading]), &Contour)| {
             let (odds, mut equations) = (self.mixture.odds(region), NormalEquations::default());
             let weight = |reading: &Reading| odds.weight(reading);
-            contour.add_normal_equations(&self.pose, self.step, readings, weight, &mut equations)?;
+            contour.add_normal_equations(&self.pose, self.step, readings, weight, &mut equations, budget)?;
             let (information, vector) = (equations.information * factor, equations.gradient * -factor);
             Some(Gaussian { information, information_vector: vector, offset: 0.0 })
         };
@@ -254,10 +254,10 @@ struct Readings {
 }
 
 impl Readings {
-    fn at(contours: &[Contour], pose: &Pose, step: usize) -> Option<Self> {
+    fn at(contours: &[Contour], pose: &Pose, step: usize, budget: &Budget) -> Option<Self> {
         let mut all = Vec::with_capacity(contours.iter().map(|contour| contour.count(step)).sum());
         for contour in contours {
-            contour.read(pose, step, &mut all)?;
+            contour.read(pose, step, &mut all, budget)?;
         }
         Some(Self { all, counts: contours.iter().map(|contour| contour.count(step)).collect() })
     }
@@ -291,22 +291,23 @@ pub struct FixedMixture<'a> {
     contours: &'a [Contour],
     step: usize,
     mixture: Mixture,
+    budget: &'a Budget,
 }
 
 impl<'a> FixedMixture<'a> {
     /// The fixed mixture, evaluated at every `step`-th piece.
-    pub fn new(contours: &'a [Contour], step: usize) -> Self {
+    pub fn new(contours: &'a [Contour], step: usize, budget: &'a Budget) -> Self {
         let size = contours.iter().map(Contour::size).fold(0.0, f64::max);
-        Self { contours, step, mixture: Mixture::even(ROUGH, FAR_OFF * size, contours.len()) }
+        Self { contours, step, mixture: Mixture::even(ROUGH, FAR_OFF * size, contours.len()), budget }
     }
 
     /// Minus the mean logarithm of the density at a pose; infinite where a region is out of view, and the largest number
     /// where the budget is exhausted.
     pub fn negative_log_density(&self, pose: &Pose) -> f64 {
-        if budget::is_exhausted() {
+        if self.budget.is_exhausted() {
             return f64::MAX;
         }
-        let readings = Readings::at(self.contours, pose, self.step);
+        let readings = Readings::at(self.contours, pose, self.step, self.budget);
         readings.map_or(f64::INFINITY, |readings| -readings.mean_log_density(&self.mixture))
     }
 }
@@ -315,16 +316,16 @@ impl<'a> FixedMixture<'a> {
 ///
 /// Expectation-maximization, while the scale of the clean pieces falls from one at which half of them are to the finest:
 /// what lies far off loses its weight step by step. `None` where a region is out of view at the start.
-pub fn refined(contours: &[Contour], start: &Pose, step: usize) -> Option<ContourFit> {
-    let readings = Readings::at(contours, start, step)?;
+pub fn refined(contours: &[Contour], start: &Pose, step: usize, budget: &Budget) -> Option<ContourFit> {
+    let readings = Readings::at(contours, start, step, budget)?;
     let scale = FIRST_SCALE * readings.median();
-    refined_from(contours, start, step, readings, scale)
+    refined_from(contours, start, step, readings, scale, budget)
 }
 
 /// The same from a fit to fewer pieces, from whose own scatter the scale falls: outliers there stay so.
-pub fn refined_again(contours: &[Contour], fit: &ContourFit, step: usize) -> Option<ContourFit> {
-    let readings = Readings::at(contours, &fit.pose, step)?;
-    refined_from(contours, &fit.pose, step, readings, fit.outlier_threshold())
+pub fn refined_again(contours: &[Contour], fit: &ContourFit, step: usize, budget: &Budget) -> Option<ContourFit> {
+    let readings = Readings::at(contours, &fit.pose, step, budget)?;
+    refined_from(contours, &fit.pose, step, readings, fit.outlier_threshold(), budget)
 }
 
 fn refined_from(
@@ -333,6 +334,7 @@ fn refined_from(
     step: usize,
     mut readings: Readings,
     mut scale: f64,
+    budget: &Budget,
 ) -> Option<ContourFit> {
     let mut pose = *start;
     let mut likeliest = (f64::NEG_INFINITY, pose);
@@ -342,15 +344,15 @@ fn refined_from(
         if mixture.likelihood > likeliest.0 {
             likeliest = (mixture.likelihood, pose);
         }
-        if budget::is_exhausted() {
+        if budget.is_exhausted() {
             break;
         }
         // The comparison fails for a scale that is not finite, too.
         let last = !(scale > FINEST_SCALE && scale.is_finite());
         // Of a few pieces the place is not final.
         for _ in 0..if last && step == 1 { LAST_ROUNDS } else { 1 } {
-            let (next, converged) = stepped(contours, pose, step, &readings, &mixture);
-            readings = Readings::at(contours, &next, step)?;
+            let (next, converged) = stepped(contours, pose, step, &readings, &mixture, budget);
+            readings = Readings::at(contours, &next, step, budget)?;
             pose = next;
             if converged {
                 break;
@@ -364,17 +366,24 @@ fn refined_from(
     let last = ContourFit::of(pose, readings, step);
     // A pose on the way is likelier still by a mixture whose scale is free.
     match likeliest.0 > last.mixture.likelihood {
-        true => ContourFit::at(contours, &likeliest.1, step).map(|fit| last.or_likelier(fit)),
+        true => ContourFit::at(contours, &likeliest.1, step, budget).map(|fit| last.or_likelier(fit)),
         false => Some(last),
     }
 }
 
 /// The pose after Gauss-Newton steps by the weights of one mixture, with each piece's edge fixed, and whether the first step
 /// was below the tolerance.
-fn stepped(contours: &[Contour], start: Pose, step: usize, readings: &Readings, mixture: &Mixture) -> (Pose, bool) {
+fn stepped(
+    contours: &[Contour],
+    start: Pose,
+    step: usize,
+    readings: &Readings,
+    mixture: &Mixture,
+    budget: &Budget,
+) -> (Pose, bool) {
     let mut pose = start;
     for number in 0..STEPS {
-        let Some(equations) = equations_at(contours, &pose, step, readings, mixture) else { break };
+        let Some(equations) = equations_at(contours, &pose, step, readings, mixture, budget) else { break };
         let Some(increment) = gauss_newton(&equations) else { return (pose, true) };
         let Some(next) = advanced(contours, &pose, &increment) else { return (pose, true) };
         pose = next;
@@ -392,6 +401,7 @@ fn equations_at(
     step: usize,
     readings: &Readings,
     mixture: &Mixture,
+    budget: &Budget,
 ) -> Option<NormalEquations> {
     let mut equations = NormalEquations::default();
     for (region, (contour, before)) in contours.iter().zip(split(&readings.all, &readings.counts)).enumerate() {
@@ -401,7 +411,7 @@ fn equations_at(
             true => odds.clean_probability(reading),
             false => odds.weight(reading),
         };
-        contour.add_normal_equations(pose, step, before, weight, &mut equations)?;
+        contour.add_normal_equations(pose, step, before, weight, &mut equations, budget)?;
     }
     Some(equations)
 }

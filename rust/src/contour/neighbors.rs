@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::budget;
+use crate::budget::Budget;
 use crate::equations::residual::RegionEquations;
 
 /// Caps in one box at most. A convention.
@@ -21,11 +21,11 @@ struct Cap {
 }
 
 impl Cap {
-    fn of(number: usize, region: &RegionEquations, room: f64) -> Self {
+    fn of(number: usize, region: &RegionEquations, room: f64, budget: &Budget) -> Self {
         let chart = region.chart();
         let points = region.outline().rings().iter().flatten();
         let widest = points.map(Vector2::norm_squared).fold(0.0, f64::max).sqrt();
-        budget::charge(region.outline().rings().iter().map(Vec::len).sum());
+        budget.charge(region.outline().rings().iter().map(Vec::len).sum());
         let reach = 2.0 * (0.5 * (widest / chart.scale).atan()).sin() + room + ROUNDING;
         Self { region: number, axis: chart.rotation.inverse() * Vector3::z(), reach }
     }
@@ -37,10 +37,11 @@ impl Cap {
 }
 
 /// Caps in boxes, boxes in larger ones.
-struct CapTree {
+struct CapTree<'a> {
     caps: Vec<Cap>,
     /// The whole first, each before its two halves.
     boxes: Vec<CapBox>,
+    budget: &'a Budget,
 }
 
 /// A part of the caps, and a box around it.
@@ -52,10 +53,10 @@ struct CapBox {
     second: Option<usize>,
 }
 
-impl CapTree {
-    fn new(caps: Vec<Cap>) -> Self {
+impl<'a> CapTree<'a> {
+    fn new(caps: Vec<Cap>, budget: &'a Budget) -> Self {
         let count = caps.len();
-        let mut tree = Self { caps, boxes: Vec::new() };
+        let mut tree = Self { caps, boxes: Vec::new(), budget };
         tree.add(0..count);
         tree
     }
@@ -68,7 +69,7 @@ impl CapTree {
             let reach = Vector3::repeat(cap.reach);
             (low.inf(&(cap.axis - reach)), high.sup(&(cap.axis + reach)))
         });
-        budget::charge(caps.len());
+        self.budget.charge(caps.len());
         let along = (high - low).imax();
         self.boxes.push(CapBox { part: part.clone(), low, high, second: None });
         if part.len() > GROUP {
@@ -84,7 +85,7 @@ impl CapTree {
     fn for_each_meeting(&self, place: usize, number: usize, found: &mut impl FnMut(&Cap)) {
         let (cap, CapBox { part, low, high, second }) = (&self.caps[place], &self.boxes[number]);
         let is_apart = |axis: usize| cap.axis[axis] + cap.reach < low[axis] || cap.axis[axis] - cap.reach > high[axis];
-        budget::charge(1);
+        self.budget.charge(1);
         if part.end <= place + 1 || (0..3).any(is_apart) {
             return;
         }
@@ -94,7 +95,7 @@ impl CapTree {
             }
             None => {
                 let behind = &self.caps[part.start.max(place + 1)..part.end];
-                budget::charge(behind.len());
+                self.budget.charge(behind.len());
                 behind.iter().filter(|other| cap.meets(other)).for_each(found);
             }
         }
@@ -103,9 +104,13 @@ impl CapTree {
 
 /// The pairs of regions, the lower number first, whose outlines may lie within the `room` (rad) of both together; by the second and the
 /// first.
-pub(super) fn neighbors(regions: &[RegionEquations], room: impl Fn(&RegionEquations) -> f64) -> Vec<[usize; 2]> {
-    let caps = regions.iter().enumerate().map(|(number, region)| Cap::of(number, region, room(region)));
-    let (tree, mut pairs) = (CapTree::new(caps.collect()), Vec::new());
+pub(super) fn neighbors(
+    regions: &[RegionEquations],
+    room: impl Fn(&RegionEquations) -> f64,
+    budget: &Budget,
+) -> Vec<[usize; 2]> {
+    let caps = regions.iter().enumerate().map(|(number, region)| Cap::of(number, region, room(region), budget));
+    let (tree, mut pairs) = (CapTree::new(caps.collect(), budget), Vec::new());
     for (place, cap) in tree.caps.iter().enumerate() {
         tree.for_each_meeting(place, 0, &mut |other| {
             pairs.push([cap.region.min(other.region), cap.region.max(other.region)]);

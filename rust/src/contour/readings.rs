@@ -7,7 +7,7 @@ use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 
 use super::boundary::{Boundary, Edge, Edges, Foot, ProjectedBoundary};
 use super::pieces::{self, Piece, pieces};
-use crate::budget;
+use crate::budget::Budget;
 use crate::equations::normal_equations::{NormalEquations, WeightedRow};
 use crate::equations::residual::RegionEquations;
 use crate::geometry::edge_field::EdgeField;
@@ -143,9 +143,9 @@ impl Contour {
     }
 
     /// Adds the readings of every `step`-th piece at a pose about the problem's origin; `None` where the region is out of view.
-    pub fn read(&self, pose: &Pose, step: usize, into: &mut Vec<Reading>) -> Option<()> {
-        let view = self.view(pose)?;
-        self.count_work(&view, step);
+    pub fn read(&self, pose: &Pose, step: usize, into: &mut Vec<Reading>, budget: &Budget) -> Option<()> {
+        let view = self.view(pose, budget)?;
+        self.charge_work(&view, step);
         into.extend(self.pieces(step).map(|piece| {
             let index = self.nearest(&view, &piece.mean);
             self.reading(&view.edge(index), index, piece).0
@@ -166,9 +166,10 @@ impl Contour {
         readings: Option<&[Reading]>,
         reach: f64,
         mut found: impl FnMut(Reading, Vector6<f64>, Option<[usize; 2]>),
+        budget: &Budget,
     ) -> Option<()> {
-        let view = self.view(pose)?;
-        self.count_work(&view, step);
+        let view = self.view(pose, budget)?;
+        self.charge_work(&view, step);
         let mut before = None;
         for (number, piece) in self.pieces(step).enumerate() {
             let index = match readings {
@@ -194,9 +195,10 @@ impl Contour {
         before: &[Reading],
         weight: impl Fn(&Reading) -> f64,
         into: &mut NormalEquations,
+        budget: &Budget,
     ) -> Option<()> {
-        let view = self.view(pose)?;
-        self.count_work(&view, step);
+        let view = self.view(pose, budget)?;
+        self.charge_work(&view, step);
         let pairs = self.pieces(step).zip(before);
         let rows: Vec<WeightedRow> = pairs
             .map(|(piece, before)| {
@@ -210,9 +212,9 @@ impl Contour {
         Some(())
     }
 
-    /// Counts the vertices that a view projects, and the pieces that are read against it.
-    fn count_work(&self, view: &View<'_>, step: usize) {
-        budget::charge(view.boundary.count() + EDGES_OF_PIECE * self.count(step));
+    /// Charges the vertices that a view projects, and the pieces that are read against it.
+    fn charge_work(&self, view: &View<'_>, step: usize) {
+        view.budget.charge(view.boundary.count() + EDGES_OF_PIECE * self.count(step));
     }
 
     /// Whether the projected boundary is in view at a pose.
@@ -227,14 +229,16 @@ impl Contour {
 
     /// The projected boundary at a pose; `None` where it isn't wholly before the chart's plane, or for a region that the image's
     /// border cuts not at all.
-    fn view(&self, pose: &Pose) -> Option<View<'_>> {
+    fn view<'a>(&'a self, pose: &Pose, budget: &'a Budget) -> Option<View<'a>> {
         let chart_from_world = Pose::new(self.rotation * pose.rotation, self.rotation * pose.translation);
         let boundary = self.boundary.projected(&chart_from_world);
         let sight = self.plane.as_ref().map(|(plane, _)| Sight::new(plane, &chart_from_world));
         let sight = sight.filter(|sight| sight.slant > OBLIQUE);
         match boundary.is_before_camera() {
-            true => Some(View { boundary, sight, edges: OnceCell::new() }),
-            false if self.cut => Some(View { edges: Edges::new(boundary.edges_before()?).into(), boundary, sight }),
+            true => Some(View { boundary, sight, edges: OnceCell::new(), budget }),
+            false if self.cut => {
+                Some(View { edges: Edges::new(boundary.edges_before()?).into(), boundary, sight, budget })
+            }
             false => None,
         }
     }
@@ -246,7 +250,7 @@ impl Contour {
         if let (Some((_, field)), Some(place)) = (&self.plane, place) {
             return field.nearest_edge(&place);
         }
-        view.edges().nearest(point)
+        view.edges().nearest(point, view.budget)
     }
 
     /// The edge nearer to a point than the edges before and after it, from an edge on; `None` where that is not within `reach`,
@@ -300,6 +304,7 @@ struct View<'a> {
     sight: Option<Sight>,
     /// All edges, of a cut boundary what lies before the camera of them, or once they are asked for.
     edges: OnceCell<Edges>,
+    budget: &'a Budget,
 }
 
 impl View<'_> {

@@ -2,6 +2,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
+use crate::budget::Budget;
 use crate::equations::system::System;
 use crate::error::{Error, Result};
 use crate::geometry::clipping::Clipped;
@@ -10,9 +11,9 @@ use crate::geometry::rings::PlaneRings;
 use crate::math::lanes::{LANES, Lanes, vectorized};
 use crate::mesh::PlaneMesh;
 #[cfg(feature = "mesh")]
-use crate::mesh::even_mesh::even_mesh;
+use crate::mesh::even_mesh::even_mesh_within;
 #[cfg(feature = "mesh")]
-use crate::mesh::triangulation::{MeshOptions, triangulate};
+use crate::mesh::triangulation::{MeshOptions, triangulate_within};
 use crate::moments::mesh::{mesh_sphere_moments, quadrature_count, triangle_plane_moments};
 use crate::moments::plane::{RingMoments, VertexGroups};
 use crate::moments::sphere::spherical_moments;
@@ -88,10 +89,11 @@ pub fn facets(
     origin: &Vector3<f64>,
     system: System,
     integration: Integration,
+    budget: &Budget,
 ) -> Result<Vec<Facet>> {
     match world.surface() {
         Some(surface) => Ok(surface_facets(surface, origin, integration)),
-        None => Ok(vec![planar_facet(world, origin, system, integration)?]),
+        None => Ok(vec![planar_facet(world, origin, system, integration, budget)?]),
     }
 }
 
@@ -100,15 +102,15 @@ pub fn facets(
 /// # Errors
 /// A size that is not positive and finite, or an outline that cannot be meshed.
 #[cfg(feature = "mesh")]
-pub fn integration_mesh(outline: &PlaneRings, system: System, size: Option<f64>) -> Result<PlaneMesh> {
+pub fn integration_mesh(outline: &PlaneRings, system: System, size: Option<f64>, budget: &Budget) -> Result<PlaneMesh> {
     if let Some(size) = size.filter(|size| !(size.is_finite() && *size > 0.0)) {
         let needed = "positive and finite, a share of the square root of the region's area".into();
         return Err(Error::InvalidOption { item: "mesh_size", found: size.to_string(), needed });
     }
-    let even = |share: f64| even_mesh(outline, share * outline.area().sqrt());
+    let even = |share: f64| even_mesh_within(outline, share * outline.area().sqrt(), budget);
     match (system, size) {
         (_, Some(share)) => even(share),
-        (System::Plane, None) => triangulate(outline, MeshOptions::default()),
+        (System::Plane, None) => triangulate_within(outline, MeshOptions::default(), budget),
         (System::Sphere, None) => even(SPHERE_MESH_SIZE),
     }
 }
@@ -118,17 +120,23 @@ pub fn integration_mesh(outline: &PlaneRings, system: System, size: Option<f64>)
 /// # Errors
 /// Always: the crate was built without the feature `mesh`.
 #[cfg(not(feature = "mesh"))]
-pub fn integration_mesh(_: &PlaneRings, _: System, _: Option<f64>) -> Result<PlaneMesh> {
+pub fn integration_mesh(_: &PlaneRings, _: System, _: Option<f64>, _: &Budget) -> Result<PlaneMesh> {
     let needed = "another, or the crate's feature `mesh`".into();
     Err(Error::InvalidOption { item: "integration", found: "over a mesh".into(), needed })
 }
 
-fn planar_facet(world: &WorldRegion, origin: &Vector3<f64>, system: System, integration: Integration) -> Result<Facet> {
+fn planar_facet(
+    world: &WorldRegion,
+    origin: &Vector3<f64>,
+    system: System,
+    integration: Integration,
+    budget: &Budget,
+) -> Result<Facet> {
     let frame = world.frame();
     let lift = |p: &Vector2<f64>| frame.to_world(p) - origin;
     let shape = match integration {
         Integration::Mesh { size } => {
-            let mesh = integration_mesh(world.outline(), system, size)?;
+            let mesh = integration_mesh(world.outline(), system, size, budget)?;
             Shape::Triangles { vertices: mesh.vertices.iter().map(lift).collect(), triangles: mesh.triangles }
         }
         _ => rings_of(world.outline().rings(), world, origin),
@@ -160,9 +168,9 @@ fn surface_facets(surface: &Surface, origin: &Vector3<f64>, integration: Integra
 
 impl Facet {
     /// The facet of a planar region with boundaries of fewer vertices, for coarse evaluations; others as they are.
-    pub fn coarse(&self, world: &WorldRegion, origin: &Vector3<f64>) -> Self {
+    pub fn coarse(&self, world: &WorldRegion, origin: &Vector3<f64>, budget: &Budget) -> Self {
         match world.surface() {
-            None => Self { shape: rings_of(world.coarse(), world, origin), ..*self },
+            None => Self { shape: rings_of(world.coarse(budget), world, origin), ..*self },
             Some(_) => self.clone(),
         }
     }
@@ -225,12 +233,12 @@ impl Facet {
 
     /// The part of the facet within the image's border, in chart coordinates, and the side from which it is seen: -1 from
     /// behind, where the rings are turned round.
-    pub fn clipped(&self, chart_from_world: &Pose, chart: &Chart, border: &Border) -> (Clipped, f64) {
+    pub fn clipped(&self, chart_from_world: &Pose, chart: &Chart, border: &Border, budget: &Budget) -> (Clipped, f64) {
         let Shape::Rings(rings) = &self.shape else { return (Clipped::default(), 1.0) };
         let project = |ring: &SpaceRing| {
             projected_before(&ring.vertices.iter().map(|x| chart_from_world.transform(x)).collect::<Vec<_>>(), chart)
         };
-        border.clipped(rings.iter().map(project).collect())
+        border.clipped(rings.iter().map(project).collect(), budget)
     }
 
     /// Signed moments on the sphere along the chart's axes; `None` where a vertex lies at the camera.

@@ -5,7 +5,7 @@
 
 use nalgebra::{Cholesky, Const, Matrix6};
 
-use crate::budget;
+use crate::budget::Budget;
 use crate::equations::normal_equations::NormalEquations;
 use crate::equations::residual::{RegionEquations, normal_equations};
 use crate::equations::system::Weighting;
@@ -105,14 +105,15 @@ pub fn minimize(
     start: &Pose,
     weighting: Weighting,
     criteria: TerminationCriteria,
+    budget: &Budget,
 ) -> Minimum {
-    let evaluate = |pose: &Pose| normal_equations(regions, pose, weighting);
+    let evaluate = |pose: &Pose| normal_equations(regions, pose, weighting, budget);
     let Some(equations) = evaluate(start) else {
         let termination = Termination::OutOfView;
         let (pose, cost) = (*start, f64::INFINITY);
         return Minimum { pose, cost, converged: false, termination, evaluations: 1 };
     };
-    let mut descent = Descent::new(start, equations);
+    let mut descent = Descent::new(start, equations, budget);
     let termination = loop {
         if let Some(termination) = descent.step(evaluate, criteria) {
             break termination;
@@ -130,7 +131,7 @@ pub fn step_unit(start: &Pose) -> Tangent {
 }
 
 /// State of the iteration.
-struct Descent {
+struct Descent<'a> {
     pose: Pose,
     equations: NormalEquations,
     unit: Tangent,
@@ -140,13 +141,14 @@ struct Descent {
     radius: f64,
     damping: f64,
     evaluations: usize,
+    budget: &'a Budget,
 }
 
-impl Descent {
-    fn new(start: &Pose, equations: NormalEquations) -> Self {
+impl<'a> Descent<'a> {
+    fn new(start: &Pose, equations: NormalEquations, budget: &'a Budget) -> Self {
         let sizes = Tangent::zeros();
         let (unit, radius) = (step_unit(start), f64::INFINITY);
-        let mut descent = Self { pose: *start, equations, unit, sizes, radius, damping: 0.0, evaluations: 1 };
+        let mut descent = Self { pose: *start, equations, unit, sizes, radius, damping: 0.0, evaluations: 1, budget };
         descent.resize();
         descent.radius = FIRST_RADIUS * descent.sizes.norm();
         descent
@@ -216,7 +218,7 @@ impl Descent {
         if gradient.amax() == 0.0 {
             return Some(Termination::RoundOff);
         }
-        if budget::is_exhausted() {
+        if self.budget.is_exhausted() {
             return Some(Termination::WorkLimit);
         }
         (self.evaluations >= criteria.evaluations).then_some(Termination::EvaluationLimit)

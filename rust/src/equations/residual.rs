@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use nalgebra::{DVector, Dyn, OMatrix, U6, Vector2, Vector3};
 
-use crate::budget;
+use crate::budget::Budget;
 use crate::equations::facet::{Facet, Integration, SUBDIVISION, facets, integration_mesh};
 use crate::equations::normal_equations::{DERIVED, NormalEquations};
 use crate::equations::system::{
@@ -14,6 +14,7 @@ use crate::equations::system::{
 };
 use crate::equations::whitening::{BoundaryCovariance, Orders, Whitening};
 use crate::error::{Error, Result};
+use crate::geometry::clipping::Clipped;
 use crate::geometry::pose::Pose;
 use crate::geometry::rings::PlaneRings;
 use crate::moments::mesh::{mesh_plane_moments, mesh_sphere_moments};
@@ -80,23 +81,24 @@ impl RegionEquations {
         origin: &Vector3<f64>,
         system: System,
         integration: Integration,
+        budget: &Budget,
     ) -> Result<Self> {
-        if budget::is_canceled() {
+        if budget.is_canceled() {
             return Err(Error::Canceled);
         }
-        budget::charge(EDGES_OF_VERTEX * observed.rings.iter().map(Vec::len).sum::<usize>());
+        budget.charge(EDGES_OF_VERTEX * observed.rings.iter().map(Vec::len).sum::<usize>());
         let (chart, outline) = Chart::of(&observed.rings)?;
         let pixel_area = observed.checked_pixel_area()?;
         let pixel = pixel_area.sqrt().recip();
-        let border = Border::of(&observed.borders, &chart, &outline, pixel)?;
-        let (foreign, hides_edges) = foreign_edges(&observed.hidden, border.as_ref(), &chart, &outline, pixel)?;
+        let border = Border::of(&observed.borders, &chart, &outline, pixel, budget)?;
+        let (foreign, hides_edges) = foreign_edges(&observed.hidden, border.as_ref(), &chart, &outline, pixel, budget)?;
         // What the border leaves visible changes with the pose: a mesh of it would not last.
         let integration = match (integration, &border) {
             (Integration::Mesh { .. }, Some(_)) => Integration::Boundary,
             _ => integration,
         };
-        let values = observed_values(observed, &chart, &outline, system, integration)?;
-        let facets = facets(world, origin, system, integration)?.into();
+        let values = observed_values(observed, &chart, &outline, system, integration, budget)?;
+        let facets = facets(world, origin, system, integration, budget)?.into();
         let covariance = OnceLock::new();
         let sides =
             Sides { system, chart, outline, border, foreign, hides_edges, observed: values, pixel_area, covariance };
@@ -104,8 +106,8 @@ impl RegionEquations {
     }
 
     /// The same equations with the world region by fewer vertices, for coarse evaluations.
-    pub fn coarse(&self, world: &WorldRegion, origin: &Vector3<f64>) -> Self {
-        let facets = self.facets.iter().map(|facet| facet.coarse(world, origin)).collect();
+    pub fn coarse(&self, world: &WorldRegion, origin: &Vector3<f64>, budget: &Budget) -> Self {
+        let facets = self.facets.iter().map(|facet| facet.coarse(world, origin, budget)).collect();
         Self { facets, ..self.clone() }
     }
 
@@ -188,14 +190,20 @@ impl RegionEquations {
 
     /// Adds the equations at a pose of the centered world, derivatives along the chart's axes, to `equations`; `None` where the
     /// region is not wholly in view of its chart or its plane passes through the camera.
-    fn add_rows<const N: usize>(&self, pose: &Pose, weighting: Weighting, equations: &mut Vec<[f64; N]>) -> Option<()> {
+    fn add_rows<const N: usize>(
+        &self,
+        pose: &Pose,
+        weighting: Weighting,
+        equations: &mut Vec<[f64; N]>,
+        budget: &Budget,
+    ) -> Option<()> {
         // What a cut takes depends on the pose, and is counted there.
         if self.sides.border.is_none() {
-            budget::charge(self.work());
+            budget.charge(self.work());
         }
         let mut rows = [[0.0; N]; MOST_EQUATIONS];
         let rows = &mut rows[..self.sides.system.count(weighting)];
-        self.add_predicted(pose, weighting, rows)?;
+        self.add_predicted(pose, weighting, rows, budget)?;
         // A region seen from behind turns the other way: its area, and with it every moment, changes sign.
         if rows[0][0] < 0.0 {
             rows.iter_mut().flatten().for_each(|entry| *entry = -*entry);
@@ -226,14 +234,23 @@ impl RegionEquations {
     }
 
     /// Adds the predicted values of the equations and, in longer rows, their derivatives.
-    fn add_predicted<const N: usize>(&self, pose: &Pose, weighting: Weighting, rows: &mut [[f64; N]]) -> Option<()> {
+    fn add_predicted<const N: usize>(
+        &self,
+        pose: &Pose,
+        weighting: Weighting,
+        rows: &mut [[f64; N]],
+        budget: &Budget,
+    ) -> Option<()> {
         let turn = self.sides.chart.rotation;
         let chart_from_world = Pose::new(turn * pose.rotation, turn * pose.translation);
         let order = self.sides.system.order(weighting) + if N > ALONE { self.sides.system.reach() } else { 0 };
         self.facets.iter().try_for_each(|facet| {
             let nu = facet.nu(&chart_from_world)?;
             match (&self.sides.border, self.sides.system) {
-                (Some(border), _) => self.add_cut_facet(facet, border, &chart_from_world, order, &nu, rows),
+                (Some(border), _) => {
+                    let clipped = facet.clipped(&chart_from_world, &self.sides.chart, border, budget);
+                    self.add_clipped(&clipped, order, &nu, rows, budget);
+                }
                 (None, System::Plane) => {
                     let moments = facet.plane_moments(&chart_from_world, order)?;
                     add_plane(&moments, self.sides.chart.scale, &nu, rows);
@@ -249,19 +266,17 @@ impl RegionEquations {
 
     /// Adds what the image's border leaves visible of a facet: the visible part flows, but for the edges on the border
     /// (`docs/math.md`, eq. 14.1 and 14.2).
-    fn add_cut_facet<const N: usize>(
+    fn add_clipped<const N: usize>(
         &self,
-        facet: &Facet,
-        border: &Border,
-        chart_from_world: &Pose,
+        (clipped, side): &(Clipped, f64),
         order: usize,
         nu: &Vector3<f64>,
         sums: &mut [[f64; N]],
+        budget: &Budget,
     ) {
-        let (clipped, side) = facet.clipped(chart_from_world, &self.sides.chart, border);
         let rings = clipped.rings.iter().map(Vec::as_slice);
         let scale = self.sides.chart.scale;
-        budget::charge(EDGES_OF_MOMENTS * clipped.rings.iter().map(Vec::len).sum::<usize>());
+        budget.charge(EDGES_OF_MOMENTS * clipped.rings.iter().map(Vec::len).sum::<usize>());
         let mut rows = [[0.0; N]; MOST_EQUATIONS];
         let rows = &mut rows[..sums.len()];
         match self.sides.system {
@@ -269,7 +284,7 @@ impl RegionEquations {
             System::Sphere => add_sphere(&lifted_moments(rings, &self.sides.chart, order), scale, nu, rows),
         }
         if N > ALONE {
-            budget::charge(self.edges_of_flux() * clipped.border.len());
+            budget.charge(self.edges_of_flux() * clipped.border.len());
             let still: Vec<_> = clipped.border.iter().map(|ends| ends.map(|p| p / scale)).collect();
             subtract_flux(self.sides.system, &still, scale, nu, rows);
         }
@@ -308,6 +323,7 @@ fn observed_values(
     outline: &PlaneRings,
     system: System,
     integration: Integration,
+    budget: &Budget,
 ) -> Result<Vec<f64>> {
     let mut rows = vec![[0.0]; system.count(Weighting::Whitened)];
     let order = system.order(Weighting::Whitened);
@@ -328,14 +344,14 @@ fn observed_values(
             add_plane_values(&planar_moments(slices(outline), order), 1.0, &mut rows);
         }
         (System::Plane, Integration::Mesh { size }) => {
-            let mesh = integration_mesh(outline, system, size)?;
+            let mesh = integration_mesh(outline, system, size, budget)?;
             add_plane_values(&mesh_plane_moments(&mesh.vertices, &mesh.triangles, order)?, 1.0, &mut rows);
         }
         (System::Sphere, Integration::Boundary) => {
             add_sphere_values(&lifted_moments(slices(outline), chart, order), chart.scale, &mut rows);
         }
         (System::Sphere, Integration::Mesh { size }) => {
-            let mesh = integration_mesh(outline, system, size)?;
+            let mesh = integration_mesh(outline, system, size, budget)?;
             let lift = |p: &Vector2<f64>| Vector3::new(p.x / chart.scale, p.y / chart.scale, 1.0);
             let vertices: Vec<_> = mesh.vertices.iter().map(lift).collect();
             let moments = mesh_sphere_moments(&vertices, &mesh.triangles, order, SUBDIVISION)?;
@@ -346,11 +362,11 @@ fn observed_values(
 }
 
 /// Residuals and derivatives of several regions, one after another; `None` where one of them is not in view.
-pub fn evaluate(regions: &[RegionEquations], pose: &Pose, weighting: Weighting) -> Option<Evaluation> {
+pub fn evaluate(regions: &[RegionEquations], pose: &Pose, weighting: Weighting, budget: &Budget) -> Option<Evaluation> {
     let mut all: Vec<[f64; DERIVED]> = Vec::with_capacity(regions.len() * MOST_EQUATIONS);
     for region in regions {
         let first = all.len();
-        region.add_rows(pose, weighting, &mut all)?;
+        region.add_rows(pose, weighting, &mut all, budget)?;
         all[first..].iter_mut().for_each(|row| *row = turned(row, region.chart()));
     }
     Some(Evaluation {
@@ -368,18 +384,23 @@ fn turned(row: &[f64; DERIVED], chart: &Chart) -> [f64; DERIVED] {
 }
 
 /// Sum of squared residuals of several regions; `None` where one of them is not in view.
-pub fn cost(regions: &[RegionEquations], pose: &Pose, weighting: Weighting) -> Option<f64> {
+pub fn cost(regions: &[RegionEquations], pose: &Pose, weighting: Weighting, budget: &Budget) -> Option<f64> {
     let mut rows: Vec<[f64; ALONE]> = Vec::with_capacity(regions.len() * MOST_EQUATIONS);
-    regions.iter().try_for_each(|region| region.add_rows(pose, weighting, &mut rows))?;
+    regions.iter().try_for_each(|region| region.add_rows(pose, weighting, &mut rows, budget))?;
     Some(rows.iter().map(|[residual]| residual * residual).sum())
 }
 
 /// The normal equations of several regions; `None` where one of them is not in view.
-pub fn normal_equations(regions: &[RegionEquations], pose: &Pose, weighting: Weighting) -> Option<NormalEquations> {
+pub fn normal_equations(
+    regions: &[RegionEquations],
+    pose: &Pose,
+    weighting: Weighting,
+    budget: &Budget,
+) -> Option<NormalEquations> {
     let (mut sum, mut rows) = (NormalEquations::default(), Vec::with_capacity(MOST_EQUATIONS));
     for region in regions {
         rows.clear();
-        region.add_rows(pose, weighting, &mut rows)?;
+        region.add_rows(pose, weighting, &mut rows, budget)?;
         sum += NormalEquations::of(&rows).turned(&region.chart().rotation);
     }
     Some(sum)

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use nalgebra::Vector2;
 
-use crate::budget;
+use crate::budget::Budget;
 use crate::geometry::edge_boxes::EdgeBoxes;
 use crate::geometry::rings::predicates::turn;
 use crate::geometry::rings::ring_edges;
@@ -25,8 +25,8 @@ pub struct Clipped {
 }
 
 /// The intersection of two regions; outer rings turn counter-clockwise, holes clockwise, rings of one region do not cross.
-pub fn intersection(first: &[Vec<Point>], second: &[Vec<Point>]) -> Clipped {
-    Window::new(second.to_vec()).shared_with(first)
+pub fn intersection(first: &[Vec<Point>], second: &[Vec<Point>], budget: &Budget) -> Clipped {
+    Window::new(second.to_vec()).shared_with(first, budget)
 }
 
 /// A region that others are cut by: its rings, and boxes around their edges, made once for all of them.
@@ -62,18 +62,18 @@ impl Window {
     }
 
     /// The intersection of another region with this one, which gives the border; charges the edges it evaluates.
-    pub fn shared_with(&self, first: &[Vec<Point>]) -> Clipped {
-        let crossings = self.crossings(first);
-        let of_first = paths(first, &crossings, 0, |point| is_inside(&self.edges, point, 1.0));
+    pub fn shared_with(&self, first: &[Vec<Point>], budget: &Budget) -> Clipped {
+        let crossings = self.crossings(first, budget);
+        let of_first = paths(first, &crossings, 0, |point| is_inside(&self.edges, point, 1.0, budget));
         let of_second = match &self.rings[..] {
             // One test alone is not worth boxes.
             [_] => {
-                budget::charge(edges(first).count());
+                budget.charge(edges(first).count());
                 paths(&self.rings, &crossings, 1, |point| holds(first, point, -1.0))
             }
             _ => {
                 let first = EdgeBoxes::new(edges(first).collect());
-                paths(&self.rings, &crossings, 1, |point| is_inside(&first, point, -1.0))
+                paths(&self.rings, &crossings, 1, |point| is_inside(&first, point, -1.0, budget))
             }
         };
         let mut clipped = stitched(&of_first, &of_second, crossings.len());
@@ -84,10 +84,10 @@ impl Window {
         clipped
     }
 
-    fn crossings(&self, first: &[Vec<Point>]) -> Vec<Crossing> {
+    fn crossings(&self, first: &[Vec<Point>], budget: &Budget) -> Vec<Crossing> {
         let mut found = Vec::new();
         for (number, [a, b]) in edges(first).enumerate() {
-            self.edges.for_each_across([a, b], |other, [c, d]| {
+            let crossed = |other: usize, [c, d]: [Point; 2]| {
                 let enters = is_left(c, d, b, 1.0);
                 if is_left(c, d, a, 1.0) == enters || is_left(a, b, c, -1.0) == is_left(a, b, d, -1.0) {
                     return;
@@ -95,9 +95,10 @@ impl Window {
                 let (share, other_share) = (share_before(a, b, c, d), share_before(c, d, a, b));
                 let places = [(number, share), (other, other_share)];
                 found.push(Crossing { places, point: a.lerp(&b, share), enters });
-            });
+            };
+            self.edges.for_each_across([a, b], crossed, budget);
         }
-        budget::charge(EDGES_OF_CROSSING * found.len());
+        budget.charge(EDGES_OF_CROSSING * found.len());
         found
     }
 }
@@ -193,12 +194,13 @@ pub fn holds(rings: &[Vec<Point>], point: Point, moved: f64) -> bool {
 }
 
 /// Whether the region that edges bound holds a point moved by an infinitesimal step of this sign.
-fn is_inside(edges: &EdgeBoxes, point: Point, moved: f64) -> bool {
+fn is_inside(edges: &EdgeBoxes, point: Point, moved: f64, budget: &Budget) -> bool {
     let mut inside = false;
     edges.for_each_near(
         // A ray to the right meets nothing that is above, below or left of the point.
         |[low, high]| low.y <= point.y && high.y >= point.y && high.x >= point.x,
         |_, [a, b]| inside ^= is_beside(a, b, point, moved),
+        budget,
     );
     inside
 }

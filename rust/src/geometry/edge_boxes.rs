@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use nalgebra::Vector2;
 
-use crate::budget;
+use crate::budget::Budget;
 use crate::geometry::rings::bounding_box;
 
 /// Edges or boxes in one box: neighbors along a line lie together. A convention.
@@ -56,17 +56,27 @@ impl EdgeBoxes {
         self.edges.len()
     }
 
-    /// Gives the edges whose boxes, and all boxes around them, may be near, with their numbers, rising; counts the boxes that are
-    /// asked for (`budget`).
-    pub(crate) fn for_each_near(&self, near: impl Fn(&Corners) -> bool, mut found: impl FnMut(usize, [Point; 2])) {
-        self.for_each_in(&|group: &EdgeBox| near(&group.corners), &near, &mut found);
+    /// Gives the edges whose boxes, and all boxes around them, may be near, with their numbers, rising; charges the boxes that are
+    /// asked for.
+    pub(crate) fn for_each_near(
+        &self,
+        near: impl Fn(&Corners) -> bool,
+        mut found: impl FnMut(usize, [Point; 2]),
+        budget: &Budget,
+    ) {
+        self.for_each_in(&|group: &EdgeBox| near(&group.corners), &near, &mut found, budget);
     }
 
-    /// Gives the edges whose boxes meet that of a segment, in boxes that the segment may meet; numbers and count as above.
-    pub(crate) fn for_each_across(&self, [a, b]: [Point; 2], mut found: impl FnMut(usize, [Point; 2])) {
+    /// Gives the edges whose boxes meet that of a segment, in boxes that the segment may meet; numbers and charge as above.
+    pub(crate) fn for_each_across(
+        &self,
+        [a, b]: [Point; 2],
+        mut found: impl FnMut(usize, [Point; 2]),
+        budget: &Budget,
+    ) {
         let (lower, upper) = (a.inf(&b), a.sup(&b));
         let near = |[low, high]: &Corners| (0..2).all(|k| low[k] <= upper[k] && high[k] >= lower[k]);
-        self.for_each_in(&|group: &EdgeBox| near(&group.corners) && group.may_meet(a, b), &near, &mut found);
+        self.for_each_in(&|group: &EdgeBox| near(&group.corners) && group.may_meet(a, b), &near, &mut found, budget);
     }
 
     fn for_each_in(
@@ -74,9 +84,10 @@ impl EdgeBoxes {
         enters: &impl Fn(&EdgeBox) -> bool,
         near: &impl Fn(&Corners) -> bool,
         found: &mut impl FnMut(usize, [Point; 2]),
+        budget: &Budget,
     ) {
         let top = self.levels.last().map_or(self.edges.len(), Vec::len);
-        budget::charge(self.visit(self.levels.len(), 0..top, enters, near, found));
+        budget.charge(self.visit(self.levels.len(), 0..top, enters, near, found));
     }
 
     /// The same of a part of a level, level 0 being the edges; how many were evaluated.
@@ -168,9 +179,9 @@ mod tests {
     fn found(edges: &EdgeBoxes, x: f64) -> (Vec<usize>, u64) {
         let mut numbers = Vec::new();
         let near = |[low, high]: &Corners| low.x <= x && x <= high.x;
-        let visit = || edges.for_each_near(near, |number, _| numbers.push(number));
-        let ((), evaluated) = budget::measured(visit);
-        (numbers, evaluated)
+        let budget = Budget::unlimited();
+        edges.for_each_near(near, |number, _| numbers.push(number), &budget);
+        (numbers, budget.charged())
     }
 
     #[test]
@@ -183,7 +194,7 @@ mod tests {
         assert_eq!(found(&edges, 64.0).0, [63, 64]);
         assert!(found(&edges, -1.0).0.is_empty());
         let mut ends = Vec::new();
-        edges.for_each_near(|_| true, |number, [a, b]| ends.push((number, a.x, b.x)));
+        edges.for_each_near(|_| true, |number, [a, b]| ends.push((number, a.x, b.x)), &Budget::unlimited());
         assert!(ends.iter().enumerate().all(|(k, end)| *end == (k, k as f64, k as f64 + 1.0)) && ends.len() == 500);
     }
 

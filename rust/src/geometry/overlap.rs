@@ -9,7 +9,7 @@ use std::ops::Add;
 
 use nalgebra::Vector2;
 
-use crate::budget;
+use crate::budget::Budget;
 use crate::geometry::clipping::intersection;
 use crate::geometry::rings::{PlaneRings, ring_edges};
 use crate::math::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
@@ -61,14 +61,14 @@ impl Add for OverlapAreas {
 }
 
 /// Solid angles of the intersection and the two differences of regions in the same chart `z = 1`, in steradians; charges the edges
-/// that it evaluates (`budget`).
+/// that it evaluates.
 ///
 /// Each is right to about 1e-15 of the region's extent as an angle, times its greatest coordinate where that is above one, and
 /// never negative.
-pub fn overlap_areas(observed: &PlaneRings, predicted: &PlaneRings) -> OverlapAreas {
-    let shared = intersection(observed.rings(), predicted.rings()).rings;
-    let [first_area, second_area] = [observed, predicted].map(|region| solid_angle(region.rings()));
-    let intersection = solid_angle(&shared).clamp(0.0, first_area.min(second_area).max(0.0));
+pub fn overlap_areas(observed: &PlaneRings, predicted: &PlaneRings, budget: &Budget) -> OverlapAreas {
+    let shared = intersection(observed.rings(), predicted.rings(), budget).rings;
+    let [first_area, second_area] = [observed, predicted].map(|region| solid_angle(region.rings(), budget));
+    let intersection = solid_angle(&shared, budget).clamp(0.0, first_area.min(second_area).max(0.0));
     OverlapAreas {
         intersection,
         only_observed: (first_area - intersection).max(0.0),
@@ -78,7 +78,7 @@ pub fn overlap_areas(observed: &PlaneRings, predicted: &PlaneRings) -> OverlapAr
 
 /// Solid angle of a region of the chart, up to a hemisphere, clamped from 0 to 2 pi against rounding: with `s_e = +1` for an edge
 /// that has its region below and `-1` for one that has it above, the sum over edges of `s_e` times the area below them.
-fn solid_angle(rings: &[Vec<Vector2<f64>>]) -> f64 {
+fn solid_angle(rings: &[Vec<Vector2<f64>>], budget: &Budget) -> f64 {
     // From left to right; vertical edges bound no area below them.
     let below = |(a, b): (Vector2<f64>, Vector2<f64>)| match a.x.total_cmp(&b.x) {
         Ordering::Less => Some(([a, b], -1.0)),
@@ -86,7 +86,7 @@ fn solid_angle(rings: &[Vec<Vector2<f64>>]) -> f64 {
         Ordering::Greater => Some(([b, a], 1.0)),
     };
     let edges: Vec<_> = rings.iter().flat_map(|ring| ring_edges(ring)).filter_map(below).collect();
-    budget::charge(EDGES_OF_HALF_ANGLE * edges.len());
+    budget.charge(EDGES_OF_HALF_ANGLE * edges.len());
     let (re, im) = vectorized(HalfAngles(&edges));
     let half = im.atan2(re);
     2.0 * if half < -FRAC_PI_2 { half + TAU } else { half }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use nalgebra::SVector;
 
-use crate::budget;
+use crate::budget::Budget;
 
 /// Points in one ball at most. A convention.
 const GROUP: usize = 16;
@@ -17,6 +17,7 @@ pub(crate) struct PointTree<'a, const D: usize> {
     points: &'a [SVector<f64, D>],
     /// The whole first, each before its two halves.
     balls: Vec<Ball<D>>,
+    budget: &'a Budget,
 }
 
 /// A part of the points, and a ball that holds them.
@@ -40,8 +41,8 @@ struct Search<'a, const D: usize> {
 }
 
 impl<'a, const D: usize> PointTree<'a, D> {
-    pub(crate) fn new(points: &'a [SVector<f64, D>]) -> Self {
-        let mut tree = Self { points, balls: Vec::with_capacity(2 * points.len().div_ceil(GROUP)) };
+    pub(crate) fn new(points: &'a [SVector<f64, D>], budget: &'a Budget) -> Self {
+        let mut tree = Self { points, balls: Vec::with_capacity(2 * points.len().div_ceil(GROUP)), budget };
         tree.add(0..points.len());
         tree
     }
@@ -54,7 +55,7 @@ impl<'a, const D: usize> PointTree<'a, D> {
         let (low, high) = points.iter().fold((any, any), |(low, high), point| (low.inf(point), high.sup(point)));
         let middle = (low + high) / 2.0;
         let radius = points.iter().map(|point| (point - middle).norm_squared()).fold(0.0, f64::max).sqrt();
-        budget::charge(points.len());
+        self.budget.charge(points.len());
         self.balls.push(Ball { part: part.clone(), middle, radius, second: None });
         if part.len() > GROUP {
             let half = part.start + part.len() / 2;
@@ -73,7 +74,7 @@ impl<'a, const D: usize> PointTree<'a, D> {
         let mut search =
             Search { tree: self, between, first: self.points[first], step, inverse, farthest, evaluated: 0 };
         search.visit(0);
-        budget::charge(search.evaluated);
+        self.budget.charge(search.evaluated);
         search.farthest.1
     }
 }

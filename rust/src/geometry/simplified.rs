@@ -5,11 +5,11 @@ use std::collections::BinaryHeap;
 
 use nalgebra::SVector;
 
-use crate::budget;
+use crate::budget::Budget;
 use crate::geometry::point_tree::PointTree;
 
 /// Vertices of a ring without which it would be farther off than `tolerance`, in order; charges the points it evaluates.
-pub fn simplified<const D: usize>(ring: &[SVector<f64, D>], tolerance: f64) -> Vec<SVector<f64, D>> {
+pub fn simplified<const D: usize>(ring: &[SVector<f64, D>], tolerance: f64, budget: &Budget) -> Vec<SVector<f64, D>> {
     let farthest = |from: &SVector<f64, D>| {
         let squares = ring.iter().map(|point| (point - from).norm_squared()).enumerate();
         squares.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k)
@@ -17,15 +17,15 @@ pub fn simplified<const D: usize>(ring: &[SVector<f64, D>], tolerance: f64) -> V
     let middle = ring.iter().sum::<SVector<f64, D>>() / ring.len().max(1) as f64;
     let Some(first) = farthest(&middle) else { return Vec::new() };
     let Some(second) = farthest(&ring[first]) else { return Vec::new() };
-    budget::charge(2 * ring.len());
+    budget.charge(2 * ring.len());
     // Each side of a long chord is a line of its own.
     let side = |from: usize, to: usize| {
         let count = (to + ring.len() - from) % ring.len();
         (0..=count).map(|k| ring[(from + k) % ring.len()]).collect::<Vec<_>>()
     };
     let lines = [side(first, second), side(second, first)];
-    let kept = lines.iter().flat_map(|line| simplified_line(line, tolerance)).collect();
-    without_needless(kept, tolerance * tolerance)
+    let kept = lines.iter().flat_map(|line| simplified_line(line, tolerance, budget)).collect();
+    without_needless(kept, tolerance * tolerance, budget)
 }
 
 /// The first vertex of a line, and those between its ends without which it would be farther off than `tolerance`, in order (Douglas
@@ -34,9 +34,13 @@ pub fn simplified<const D: usize>(ring: &[SVector<f64, D>], tolerance: f64) -> V
 /// Charges the points it evaluates: a tree of balls finds the vertex farthest from a chord without evaluating all of them, and
 /// chords are on an explicit stack, so that a spiral, which is cut off vertex by vertex, takes neither the square of its vertices nor
 /// the thread's stack.
-pub(crate) fn simplified_line<const D: usize>(line: &[SVector<f64, D>], tolerance: f64) -> Vec<SVector<f64, D>> {
+pub(crate) fn simplified_line<const D: usize>(
+    line: &[SVector<f64, D>],
+    tolerance: f64,
+    budget: &Budget,
+) -> Vec<SVector<f64, D>> {
     let Some(end) = line.len().checked_sub(1) else { return Vec::new() };
-    let tree = PointTree::new(line);
+    let tree = PointTree::new(line, budget);
     let mut is_kept = vec![false; line.len()];
     is_kept[0] = true;
     let mut chords = vec![(0, end)];
@@ -50,7 +54,7 @@ pub(crate) fn simplified_line<const D: usize>(line: &[SVector<f64, D>], toleranc
 }
 
 /// The corners but those between which others, found later, have drawn the ring straight, the straightest first.
-fn without_needless<const D: usize>(ring: Vec<SVector<f64, D>>, limit: f64) -> Vec<SVector<f64, D>> {
+fn without_needless<const D: usize>(ring: Vec<SVector<f64, D>>, limit: f64, budget: &Budget) -> Vec<SVector<f64, D>> {
     let count = ring.len();
     let mut next: Vec<usize> = (0..count).map(|k| (k + 1) % count).collect();
     let mut previous: Vec<usize> = (0..count).map(|k| (k + count - 1) % count).collect();
@@ -60,7 +64,7 @@ fn without_needless<const D: usize>(ring: Vec<SVector<f64, D>>, limit: f64) -> V
     let entry = |square: f64, k: usize| Reverse((square.to_bits(), k));
     let mut straightest: BinaryHeap<_> = squares.iter().enumerate().map(|(k, &square)| entry(square, k)).collect();
     let (mut is_left, mut left) = (vec![true; count], count);
-    budget::charge(count);
+    budget.charge(count);
     while left > 3 {
         let Some(Reverse((bits, k))) = straightest.pop() else { break };
         // Its neighbors may have moved since.

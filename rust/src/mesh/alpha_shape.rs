@@ -4,6 +4,7 @@ use nalgebra::Vector2;
 use spade::Triangulation;
 
 use super::delaunay::{self, Cdt};
+use crate::budget::Budget;
 use crate::error::{Error, Result};
 use crate::geometry::rings::predicates::by_x_then_y;
 use crate::geometry::rings::{
@@ -17,18 +18,24 @@ use crate::geometry::rings::{
 ///
 /// # Errors
 /// A coordinate that is not finite or out of range; fewer than 3 distinct points; all points on one line; a radius
-/// that is not positive; a radius that keeps no triangle (the message has the smallest that keeps one); work that was canceled.
+/// that is not positive; a radius that keeps no triangle (the message has the smallest that keeps one).
 pub fn alpha_shape(points: &[Vector2<f64>], radius: f64) -> Result<PlaneRings> {
-    delaunay::interruptible(|| shape_of(points, radius))
+    alpha_shape_within(points, radius, &Budget::unlimited())
 }
 
-fn shape_of(points: &[Vector2<f64>], radius: f64) -> Result<PlaneRings> {
+/// The same within a budget; an error, too, where that is canceled.
+#[doc(hidden)]
+pub fn alpha_shape_within(points: &[Vector2<f64>], radius: f64, budget: &Budget) -> Result<PlaneRings> {
+    delaunay::interruptible(|| shape_of(points, radius, budget))
+}
+
+fn shape_of(points: &[Vector2<f64>], radius: f64, budget: &Budget) -> Result<PlaneRings> {
     if radius.is_nan() || radius <= 0.0 {
         let needed = "positive, or infinite for the convex hull".to_owned();
         return Err(Error::InvalidOption { item: "radius", found: radius.to_string(), needed });
     }
     let (points, scale) = distinct_scaled(points)?;
-    let cdt = delaunay::constrained(&points, &[])?;
+    let cdt = delaunay::constrained(&points, &[], budget)?;
     if cdt.num_inner_faces() == 0 {
         return Err(Error::CollinearPoints { found: points.len() });
     }
@@ -74,7 +81,7 @@ fn distinct_scaled(points: &[Vector2<f64>]) -> Result<(Vec<Vector2<f64>>, f64)> 
 }
 
 /// For each face, by index, whether its circumradius is at most `radius`.
-fn kept_faces(cdt: &Cdt, radius: f64, scale: f64) -> Result<Vec<bool>> {
+fn kept_faces(cdt: &Cdt<'_>, radius: f64, scale: f64) -> Result<Vec<bool>> {
     let mut kept = vec![false; cdt.num_all_faces()];
     let mut smallest = f64::INFINITY;
     for face in cdt.inner_faces() {
@@ -99,7 +106,7 @@ fn from_leftmost(mut ring: Vec<Vector2<f64>>) -> Vec<Vector2<f64>> {
 
 /// Walks along the edges that have a kept face on their left and none on their right.
 struct BoundaryWalk<'a> {
-    cdt: &'a Cdt,
+    cdt: &'a Cdt<'a>,
     kept: &'a [bool],
     walked: Vec<bool>,
     /// Place of each vertex on the current path, if it is on it.
@@ -108,7 +115,7 @@ struct BoundaryWalk<'a> {
 }
 
 impl<'a> BoundaryWalk<'a> {
-    fn new(cdt: &'a Cdt, kept: &'a [bool]) -> Self {
+    fn new(cdt: &'a Cdt<'a>, kept: &'a [bool]) -> Self {
         let walked = vec![false; cdt.num_directed_edges()];
         Self { cdt, kept, walked, place: vec![None; cdt.num_vertices()], rings: Vec::new() }
     }
@@ -124,7 +131,7 @@ impl<'a> BoundaryWalk<'a> {
         self.rings
     }
 
-    fn is_boundary(&self, edge: &DirectedEdge<'_>) -> bool {
+    fn is_boundary(&self, edge: &DirectedEdge<'a>) -> bool {
         self.kept[edge.face().fix().index()] && !self.kept[edge.rev().face().fix().index()]
     }
 
@@ -164,4 +171,4 @@ impl<'a> BoundaryWalk<'a> {
     }
 }
 
-type DirectedEdge<'a> = spade::handles::DirectedEdgeHandle<'a, delaunay::Vertex, (), spade::CdtEdge<()>, ()>;
+type DirectedEdge<'a> = spade::handles::DirectedEdgeHandle<'a, delaunay::Vertex<'a>, (), spade::CdtEdge<()>, ()>;

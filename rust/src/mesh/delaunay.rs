@@ -4,7 +4,6 @@
 //! coordinates below 2^-142 other than zero.
 
 use std::any::Any;
-use std::cell::Cell;
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
@@ -13,7 +12,7 @@ use spade::handles::{FixedFaceHandle, InnerTag};
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
 
 use super::{EDGES_OF_TRIANGLE, PlaneMesh};
-use crate::budget;
+use crate::budget::Budget;
 use crate::error::{Error, Result};
 use crate::geometry::rings::PlaneRings;
 
@@ -24,14 +23,9 @@ const AREA_TOLERANCE: f64 = 1e-9;
 /// Rounding of a new vertex, in units of the largest coordinate: it moves the boundary, hence the area, by this much.
 const VERTEX_ROUNDING: f64 = 4.0 * f64::EPSILON;
 
-/// Positions that spade asks for between two calls of the cancellation callback: it asks for some hundred of each vertex, in about the
-/// time of so many edges.
-const POSITIONS: u32 = 1 << 16;
-
-thread_local! {
-    /// Positions until the next poll.
-    static UNASKED: Cell<u32> = const { Cell::new(POSITIONS) };
-}
+/// One vertex in so many polls the budget, for all of them, as spade asks for its position: polls by each would take a tenth of the time
+/// (measured, `kernels.alpha_shape` of 50,000 points).
+const POLLING: usize = 64;
 
 /// Payload of the unwinding out of spade, its only early end, once the work is canceled.
 struct Unwound;
@@ -45,20 +39,8 @@ pub(super) fn interruptible<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
     })
 }
 
-/// Unwinds once the work is canceled, without calling the panic hook.
-fn pass_position() {
-    let left = UNASKED.get() - 1;
-    UNASKED.set(if left == 0 { POSITIONS } else { left });
-    if left == 0 {
-        budget::poll(POSITIONS as usize);
-        if budget::is_canceled() {
-            resume_unwind(Box::new(Unwound));
-        }
-    }
-}
-
 /// The triangulation with constraint edges.
-pub(super) type Cdt = ConstrainedDelaunayTriangulation<Vertex>;
+pub(super) type Cdt<'a> = ConstrainedDelaunayTriangulation<Vertex<'a>>;
 
 impl PlaneMesh {
     /// The mesh itself if it covers just the area of `region`.
@@ -77,21 +59,32 @@ impl PlaneMesh {
 
 /// A vertex that spade accepts: never a coordinate that is tiny but not zero.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Vertex(Point2<f64>);
+pub(super) struct Vertex<'a> {
+    place: Point2<f64>,
+    /// Of one in [`POLLING`], and of none that refinement adds: all of these take less than a second (`MOST_TRIANGLES`).
+    budget: Option<&'a Budget>,
+}
 
-impl HasPosition for Vertex {
+impl HasPosition for Vertex<'_> {
     type Scalar = f64;
 
+    /// Unwinds once the work is canceled, without calling the panic hook.
     fn position(&self) -> Point2<f64> {
-        pass_position();
-        self.0
+        if let Some(budget) = self.budget {
+            // Spade asks for some hundred positions of each vertex, in about the time of so many edges.
+            budget.poll(POLLING);
+            if budget.is_canceled() {
+                resume_unwind(Box::new(Unwound));
+            }
+        }
+        self.place
     }
 }
 
-impl From<Point2<f64>> for Vertex {
+impl From<Point2<f64>> for Vertex<'_> {
     fn from(point: Point2<f64>) -> Self {
         let without_tiny = |x: f64| if x.abs() < spade::MIN_ALLOWED_VALUE { 0.0 } else { x };
-        Self(Point2::new(without_tiny(point.x), without_tiny(point.y)))
+        Self { place: Point2::new(without_tiny(point.x), without_tiny(point.y)), budget: None }
     }
 }
 
@@ -101,12 +94,16 @@ pub(super) fn scale_for(largest: f64) -> f64 {
 }
 
 /// Triangulation of distinct scaled points; vertex k is point k. An error where the work is canceled.
-pub(super) fn constrained(points: &[Vector2<f64>], edges: &[[usize; 2]]) -> Result<Cdt> {
-    if budget::is_canceled() {
+pub(super) fn constrained<'a>(points: &[Vector2<f64>], edges: &[[usize; 2]], budget: &'a Budget) -> Result<Cdt<'a>> {
+    if budget.is_canceled() {
         return Err(Error::Canceled);
     }
-    budget::charge(EDGES_OF_TRIANGLE * points.len());
-    let vertices = points.iter().map(|p| Vertex::from(Point2::new(p.x, p.y))).collect();
+    budget.charge(EDGES_OF_TRIANGLE * points.len());
+    let vertex = |(number, p): (usize, &Vector2<f64>)| {
+        let budget = number.is_multiple_of(POLLING).then_some(budget);
+        Vertex { budget, ..Vertex::from(Point2::new(p.x, p.y)) }
+    };
+    let vertices = points.iter().enumerate().map(vertex).collect();
     let mut refused = None;
     let cdt = Cdt::try_bulk_load_cdt(vertices, edges.to_vec(), |edge| refused = Some(edge))
         .map_err(|error| Error::Triangulation { reason: error.to_string() })?;
@@ -123,7 +120,7 @@ pub(super) fn constrained(points: &[Vector2<f64>], edges: &[[usize; 2]]) -> Resu
 /// For each face whether it lies inside the rings: reached from outside across an odd number of constraint edges.
 ///
 /// Indexed by the index of the face, 0 being the outer one.
-pub(super) fn inside_faces(cdt: &Cdt) -> Vec<bool> {
+pub(super) fn inside_faces(cdt: &Cdt<'_>) -> Vec<bool> {
     let mut inside: Vec<Option<bool>> = vec![None; cdt.num_all_faces()];
     inside[0] = Some(false);
     let mut queue: VecDeque<(FixedFaceHandle<InnerTag>, bool)> = VecDeque::new();
@@ -144,13 +141,13 @@ pub(super) fn inside_faces(cdt: &Cdt) -> Vec<bool> {
 }
 
 /// Centroids of the faces marked in `inside` with an area above `largest`.
-pub(super) fn middles_above(cdt: &Cdt, inside: &[bool], largest: f64) -> Vec<Vertex> {
+pub(super) fn middles_above<'a>(cdt: &Cdt<'a>, inside: &[bool], largest: f64) -> Vec<Vertex<'a>> {
     let large = cdt.inner_faces().filter(|face| inside[face.fix().index()] && face.area() > largest);
     large.map(|face| Vertex::from(face.center())).collect()
 }
 
 /// Inserts further vertices.
-pub(super) fn insert(cdt: &mut Cdt, vertices: Vec<Vertex>) -> Result<()> {
+pub(super) fn insert<'a>(cdt: &mut Cdt<'a>, vertices: Vec<Vertex<'a>>) -> Result<()> {
     for vertex in vertices {
         cdt.insert(vertex).map_err(|error| Error::Triangulation { reason: error.to_string() })?;
     }
@@ -158,7 +155,7 @@ pub(super) fn insert(cdt: &mut Cdt, vertices: Vec<Vertex>) -> Result<()> {
 }
 
 /// Vertex indices of the faces marked in `kept`, counter-clockwise, the smallest first; sorted.
-pub(super) fn triangles(cdt: &Cdt, kept: &[bool]) -> Vec<[usize; 3]> {
+pub(super) fn triangles(cdt: &Cdt<'_>, kept: &[bool]) -> Vec<[usize; 3]> {
     let inner = cdt.inner_faces().filter(|face| kept[face.fix().index()]);
     let mut triangles: Vec<_> = inner.map(|face| smallest_first(face.vertices().map(|v| v.index()))).collect();
     triangles.sort_unstable();
@@ -176,7 +173,7 @@ fn smallest_first([a, b, c]: [usize; 3]) -> [usize; 3] {
 }
 
 /// The faces inside the rings, scaled back; the first `fixed` vertices are kept, of the others those in use.
-pub(super) fn inside_mesh(cdt: &Cdt, scale: f64, fixed: usize) -> PlaneMesh {
+pub(super) fn inside_mesh(cdt: &Cdt<'_>, scale: f64, fixed: usize) -> PlaneMesh {
     let mut triangles = triangles(cdt, &inside_faces(cdt));
     let mut used = vec![false; cdt.num_vertices()];
     used[..fixed].fill(true);

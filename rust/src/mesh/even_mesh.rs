@@ -8,6 +8,7 @@ use spade::Triangulation;
 use super::delaunay::{self, Cdt};
 use super::triangulation::RingGraph;
 use super::{MOST_TRIANGLES, PlaneMesh};
+use crate::budget::Budget;
 use crate::error::{Error, Result};
 use crate::geometry::rings::PlaneRings;
 
@@ -42,10 +43,16 @@ const SLIVER_FRACTION: f64 = 1e-9;
 /// An edge length that is not positive and finite, would make more than [`MOST_TRIANGLES`] triangles, or is far longer than
 /// the region is wide for its length; a mesh that does not cover the region's area ([`Error::MeshArea`]).
 pub fn even_mesh(region: &PlaneRings, edge_length: f64) -> Result<PlaneMesh> {
-    delaunay::interruptible(|| mesh_of(region, edge_length))
+    even_mesh_within(region, edge_length, &Budget::unlimited())
 }
 
-fn mesh_of(region: &PlaneRings, edge_length: f64) -> Result<PlaneMesh> {
+/// The same within a budget; an error, too, where that is canceled.
+#[doc(hidden)]
+pub fn even_mesh_within(region: &PlaneRings, edge_length: f64, budget: &Budget) -> Result<PlaneMesh> {
+    delaunay::interruptible(|| mesh_of(region, edge_length, budget))
+}
+
+fn mesh_of(region: &PlaneRings, edge_length: f64, budget: &Budget) -> Result<PlaneMesh> {
     check_edge_length(region, edge_length)?;
     let mut graph = RingGraph::new(region);
     let side = edge_length * graph.scale;
@@ -54,12 +61,12 @@ fn mesh_of(region: &PlaneRings, edge_length: f64) -> Result<PlaneMesh> {
     let fixed = graph.points.len();
     let lattice = lattice_points(&graph, side);
     graph.points.extend(lattice);
-    let mut cdt = delaunay::constrained(&graph.points, &graph.edges)?;
+    let mut cdt = delaunay::constrained(&graph.points, &graph.edges, budget)?;
     for _ in 0..SMOOTHING_ROUNDS {
         for _ in 0..SWEEPS {
             smooth(&cdt, &mut graph.points, fixed);
         }
-        cdt = delaunay::constrained(&graph.points, &graph.edges)?;
+        cdt = delaunay::constrained(&graph.points, &graph.edges, budget)?;
     }
     let mut mesh = delaunay::inside_mesh(&cdt, graph.scale, fixed);
     drop_slivers(&mut mesh, &chains, corners, edge_length);
@@ -187,7 +194,7 @@ fn distance_to_segment(point: Vector2<f64>, a: Vector2<f64>, b: Vector2<f64>) ->
 }
 
 /// Moves each free vertex to the mean of its neighbors, unless that would turn a triangle over.
-fn smooth(cdt: &Cdt, points: &mut [Vector2<f64>], fixed: usize) {
+fn smooth(cdt: &Cdt<'_>, points: &mut [Vector2<f64>], fixed: usize) {
     for vertex in cdt.vertices().skip(fixed) {
         let around: Vec<usize> = vertex.out_edges().map(|edge| edge.to().index()).collect();
         let mean = around.iter().map(|&k| points[k]).sum::<Vector2<f64>>() / around.len() as f64;

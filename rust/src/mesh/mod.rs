@@ -15,7 +15,7 @@ use nalgebra::Vector2;
 /// (`cargo bench -p regionpose-benches --bench mesh`).
 pub const MOST_TRIANGLES: usize = 100_000;
 
-/// Cost of a mesh's triangle, in edge evaluations (`budget`): a Delaunay triangulation finds and flips some
+/// Cost of a mesh's triangle, in edge evaluations: a Delaunay triangulation finds and flips some
 /// hundred, with exact predicates.
 #[cfg(feature = "mesh")]
 const EDGES_OF_TRIANGLE: usize = 500;

@@ -7,7 +7,7 @@ use spade::{AngleLimit, RefinementParameters, RefinementResult, Triangulation};
 
 use super::delaunay::{self, Cdt};
 use super::{EDGES_OF_TRIANGLE, MOST_TRIANGLES, PlaneMesh};
-use crate::budget;
+use crate::budget::Budget;
 use crate::error::{Error, Result};
 use crate::geometry::rings::PlaneRings;
 use crate::geometry::rings::predicates::{by_x_then_y, lies_on};
@@ -69,10 +69,10 @@ impl MeshOptions {
         Ok(())
     }
 
-    fn budget(&self, ring_vertices: usize, area: f64) -> usize {
+    fn most_vertices(&self, ring_vertices: usize, area: f64) -> usize {
         let triangles = self.max_area.map_or(0.0, |max_area| area / max_area);
-        let budget = 1000 + VERTICES_PER_RING_VERTEX * ring_vertices + (VERTICES_PER_TRIANGLE * triangles) as usize;
-        budget.min(MOST_TRIANGLES)
+        let most = 1000 + VERTICES_PER_RING_VERTEX * ring_vertices + (VERTICES_PER_TRIANGLE * triangles) as usize;
+        most.min(MOST_TRIANGLES)
     }
 }
 
@@ -85,16 +85,22 @@ impl MeshOptions {
 /// An option out of range; a refinement that does not end within its budget of vertices ([`Error::MeshIncomplete`]); a
 /// mesh that does not cover the region's area ([`Error::MeshArea`]).
 pub fn triangulate(region: &PlaneRings, options: MeshOptions) -> Result<PlaneMesh> {
-    delaunay::interruptible(|| mesh_of(region, options))
+    triangulate_within(region, options, &Budget::unlimited())
 }
 
-fn mesh_of(region: &PlaneRings, options: MeshOptions) -> Result<PlaneMesh> {
+/// The same within a budget; an error, too, where that is canceled.
+#[doc(hidden)]
+pub fn triangulate_within(region: &PlaneRings, options: MeshOptions, budget: &Budget) -> Result<PlaneMesh> {
+    delaunay::interruptible(|| mesh_of(region, options, budget))
+}
+
+fn mesh_of(region: &PlaneRings, options: MeshOptions, budget: &Budget) -> Result<PlaneMesh> {
     options.check(region.area())?;
     let graph = RingGraph::new(region);
-    let mut cdt = graph.triangulated()?;
-    if options != MeshOptions::default() && !refine(&mut cdt, &graph, region, options, true)? {
-        cdt = graph.triangulated()?;
-        refine(&mut cdt, &graph, region, options, false)?;
+    let mut cdt = graph.triangulated(budget)?;
+    if options != MeshOptions::default() && !refine(&mut cdt, &graph, region, options, true, budget)? {
+        cdt = graph.triangulated(budget)?;
+        refine(&mut cdt, &graph, region, options, false, budget)?;
     }
     delaunay::inside_mesh(&cdt, graph.scale, graph.points.len()).covering(region)
 }
@@ -104,25 +110,29 @@ fn mesh_of(region: &PlaneRings, options: MeshOptions) -> Result<PlaneMesh> {
 /// Spade leaves a face alone whose circumcenter rounding puts just outside the rings: such a face gets a vertex in its
 /// middle, then refinement goes on.
 fn refine(
-    cdt: &mut Cdt,
+    cdt: &mut Cdt<'_>,
     graph: &RingGraph,
     region: &PlaneRings,
     options: MeshOptions,
     only_inside: bool,
+    budget: &Budget,
 ) -> Result<bool> {
     let square = graph.scale * graph.scale;
-    let budget = options.budget(graph.points.len(), region.area());
+    let most = options.most_vertices(graph.points.len(), region.area());
     let largest = options.max_area.map_or(f64::INFINITY, |max_area| max_area * square);
     let parameters = RefinementParameters::new()
         .exclude_outer_faces(only_inside)
         .with_angle_limit(AngleLimit::from_deg(options.min_angle.unwrap_or(0.0)))
         .with_min_required_area(smallest_split(region) * square)
-        .with_max_additional_vertices(budget)
+        .with_max_additional_vertices(most)
         .with_max_allowed_area(largest);
     for _ in 0..MOST_ROUNDS {
         let before = cdt.num_vertices();
         let result = cdt.refine(parameters.clone());
-        budget::charge(EDGES_OF_TRIANGLE * (cdt.num_vertices() - before));
+        budget.charge(EDGES_OF_TRIANGLE * (cdt.num_vertices() - before));
+        if budget.is_canceled() {
+            return Err(Error::Canceled);
+        }
         let inside = delaunay::inside_faces(cdt);
         if only_inside && !is_outside_of(&result, &inside) {
             return Ok(false);
@@ -136,7 +146,7 @@ fn refine(
         }
         delaunay::insert(cdt, middles)?;
     }
-    Err(Error::MeshIncomplete { vertices: cdt.num_vertices(), budget })
+    Err(Error::MeshIncomplete { vertices: cdt.num_vertices(), budget: most })
 }
 
 /// Whether spade left out just the faces that are not inside.
@@ -202,7 +212,7 @@ impl RingGraph {
         })
     }
 
-    fn triangulated(&self) -> Result<Cdt> {
-        delaunay::constrained(&self.points, &self.edges)
+    fn triangulated<'a>(&self, budget: &'a Budget) -> Result<Cdt<'a>> {
+        delaunay::constrained(&self.points, &self.edges, budget)
     }
 }

@@ -4,6 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use nalgebra::{Vector2, Vector3};
 
+use crate::budget::Budget;
 use crate::geometry::edge_field::EdgeField;
 use crate::geometry::rings::{PlaneRings, signed_area};
 use crate::geometry::simplified::simplified;
@@ -33,9 +34,9 @@ impl Derived {
     }
 
     /// An outline's rings by fewer vertices.
-    pub(super) fn coarse(&self, outline: &PlaneRings) -> &[Vec<Vector2<f64>>] {
+    pub(super) fn coarse(&self, outline: &PlaneRings, budget: &Budget) -> &[Vec<Vector2<f64>>] {
         let fewer = |ring: &Vec<Vector2<f64>>| {
-            let fewer = simplified(ring, COARSE * signed_area(ring).abs().sqrt());
+            let fewer = simplified(ring, COARSE * signed_area(ring).abs().sqrt(), budget);
             if fewer.len() < 3 { ring.clone() } else { fewer }
         };
         self.coarse.get_or_init(|| outline.rings().iter().map(fewer).collect())
@@ -46,9 +47,10 @@ impl Derived {
         &self,
         outline: &PlaneRings,
         rings: impl FnOnce() -> Vec<Vec<Vector3<f64>>>,
+        budget: &Budget,
     ) -> &[Vec<Vector3<f64>>] {
         let tolerance = CORNER_TOLERANCE * outline.area().sqrt();
-        let corners = || rings().iter().map(|ring| simplified(ring, tolerance)).collect();
+        let corners = || rings().iter().map(|ring| simplified(ring, tolerance, budget)).collect();
         self.corners.get_or_init(corners)
     }
 

@@ -11,6 +11,7 @@ use super::label_model::{LabelModel, LabelStats, MIN_OUTLIER_RATIO, NoiseLevels,
 use super::margin::{EdgeKind, MAX_SIGMAS, ProjectedSample, SampledRegion};
 use super::probit_site::LabelSite;
 use super::segment::{ContourSegment, STATES, SegmentSite, SegmentState};
+use crate::budget::Budget;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::math::gaussian::{Gaussian, Normal};
 
@@ -58,6 +59,7 @@ impl AsMut<LabelSite> for ActiveSample {
 #[derive(Clone)]
 pub(super) struct ActiveSet<'a> {
     pub(super) regions: &'a [SampledRegion],
+    pub(super) budget: &'a Budget,
     /// Every so many-th sample is used.
     stride: usize,
     /// Whether samples share the offsets of contour segments; they are independent otherwise.
@@ -77,9 +79,10 @@ pub(super) struct ActiveSet<'a> {
 
 impl<'a> ActiveSet<'a> {
     /// Every `stride`-th sample, independent.
-    pub(super) fn independent(regions: &'a [SampledRegion], stride: usize) -> Self {
+    pub(super) fn independent(regions: &'a [SampledRegion], stride: usize, budget: &'a Budget) -> Self {
         Self {
             regions,
+            budget,
             stride,
             by_segment: false,
             active: Vec::new(),
@@ -92,8 +95,8 @@ impl<'a> ActiveSet<'a> {
     }
 
     /// All samples, which share the offsets of contour segments, with these noise models.
-    pub(super) fn by_segment(regions: &'a [SampledRegion], models: Vec<LabelModel>) -> Self {
-        Self { by_segment: true, models, ..Self::independent(regions, 1) }
+    pub(super) fn by_segment(regions: &'a [SampledRegion], models: Vec<LabelModel>, budget: &'a Budget) -> Self {
+        Self { by_segment: true, models, ..Self::independent(regions, 1, budget) }
     }
 
     /// Selects and linearizes the active samples at a pose, under a distribution of the increment; sites keep their factors.
@@ -107,7 +110,7 @@ impl<'a> ActiveSet<'a> {
             let model = self.sample_model(region);
             for number in (0..sampled.count()).step_by(self.stride) {
                 let before = last.next_if(|sample| (sample.region, sample.number) == (region, number));
-                match sampled.project(pose, number) {
+                match sampled.project(pose, number, self.budget) {
                     ProjectedSample::Visible(margin) => {
                         let site = LabelSite::new(&margin, model);
                         // The factor is one of the margin, however that is linearized.
@@ -196,7 +199,9 @@ impl<'a> ActiveSet<'a> {
     /// Linearizes the active samples at a pose, to first order; those behind the camera keep their last linearization.
     pub(super) fn linearize(&mut self, pose: &Pose) {
         for sample in &mut self.active {
-            if let ProjectedSample::Visible(margin) = self.regions[sample.region].project(pose, sample.number) {
+            if let ProjectedSample::Visible(margin) =
+                self.regions[sample.region].project(pose, sample.number, self.budget)
+            {
                 let site = sample.site.with_line(&margin.gradient, margin.value);
                 sample.site = LabelSite { edge: margin.edge, ..site };
             }
@@ -214,7 +219,7 @@ impl<'a> ActiveSet<'a> {
             let mut margins = [[0.0; 2]; 6];
             let mut is_visible = true;
             for (value, pose) in margins.iter_mut().flatten().zip(poses.iter().flatten()) {
-                match self.regions[sample.region].project(pose, sample.number) {
+                match self.regions[sample.region].project(pose, sample.number, self.budget) {
                     ProjectedSample::Visible(margin) => *value = margin.value,
                     ProjectedSample::Behind { .. } => is_visible = false,
                 }
@@ -249,7 +254,7 @@ impl<'a> ActiveSet<'a> {
             let model = self.sample_model(region);
             all.extend(sampled.by_angle().iter().map(|&number| match active.remove(&(region, number)) {
                 Some(log_probability) => log_probability,
-                None => model.posterior_at(&sampled.project(pose, number)).log_probability,
+                None => model.posterior_at(&sampled.project(pose, number, self.budget)).log_probability,
             }));
         }
         all

@@ -8,7 +8,7 @@ use super::label_inference::{LabelInference, MAX_DROP, PoseState};
 use super::label_model::{COARSE_SIGMA, FINEST_SIGMA, LabelModel, NoiseLevels, residual_sigma, subsample_stride};
 use super::margin::SampledRegion;
 use super::posterior::{EQUIVALENT_DEVIANCE, ModeEvidence, Posterior, mixture_moments, wrong_fractions};
-use crate::budget;
+use crate::budget::Budget;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::math::gaussian::{Gaussian, Normal};
 
@@ -57,11 +57,16 @@ pub struct CoarseFit {
 
 /// The mode reached from a start by a subsample, while the sigma of labels is halved from the start's residuals on; `prior` is a factor
 /// of the left increment at any pose. `None` where a direction is left free.
-pub fn fit_coarse(regions: &[SampledRegion], prior: &impl Fn(&Pose) -> Gaussian, start: &Pose) -> Option<CoarseFit> {
+pub fn fit_coarse(
+    regions: &[SampledRegion],
+    prior: &impl Fn(&Pose) -> Gaussian,
+    start: &Pose,
+    budget: &Budget,
+) -> Option<CoarseFit> {
     let free = Normal { mean: Tangent::zeros(), covariance: Matrix6::zeros() };
-    let mut inference = LabelInference::subsampled(regions, prior, *start);
+    let mut inference = LabelInference::subsampled(regions, prior, *start, budget);
     let mut state = PoseState { pose: *start, increment: free, log_evidence: f64::NEG_INFINITY, has_converged: false };
-    let mut label = residual_sigma(regions, start, subsample_stride(regions));
+    let mut label = residual_sigma(regions, start, subsample_stride(regions), budget);
     loop {
         let noise = NoiseLevels { label, dilation: 0.0, corner: 0.0 };
         state = inference.run_to_convergence(state, noise, MAX_ROUNDS, false)?;
@@ -69,7 +74,7 @@ pub fn fit_coarse(regions: &[SampledRegion], prior: &impl Fn(&Pose) -> Gaussian,
             let PoseState { pose, log_evidence, increment, .. } = state;
             return Some(CoarseFit { pose, log_evidence, increment, models: inference.samples.models });
         }
-        label = if budget::is_exhausted() { COARSE_SIGMA } else { (label * COARSE_RATIO).max(COARSE_SIGMA) };
+        label = if budget.is_exhausted() { COARSE_SIGMA } else { (label * COARSE_RATIO).max(COARSE_SIGMA) };
     }
 }
 
@@ -83,21 +88,22 @@ pub fn anneal(
     starts: &[CoarseFit],
     max_deficit: f64,
     visited: &mut VisitedStates,
+    budget: &Budget,
 ) -> Vec<Posterior> {
-    let mut tracks: Vec<_> = starts.iter().map(|start| Track::new(regions, prior, start)).collect();
+    let mut tracks: Vec<_> = starts.iter().map(|start| Track::new(regions, prior, start, budget)).collect();
     for label in label_sigmas() {
         let noise = NoiseLevels { label, dilation: DILATION_SIGMAS[0], corner: CORNER_SIGMAS[0] };
-        advance(&mut tracks, max_deficit, visited, |_| Some(noise));
+        advance(&mut tracks, max_deficit, visited, |_| Some(noise), budget);
     }
     for dilation in DILATION_SIGMAS {
         tracks.retain_mut(|track| track.restore_best().is_some());
         for corner in CORNER_SIGMAS {
-            advance(&mut tracks, max_deficit, visited, |track| track.likeliest_with(dilation, corner));
+            advance(&mut tracks, max_deficit, visited, |track| track.likeliest_with(dilation, corner), budget);
         }
     }
     for ratio in [NEIGHBOR_RATIO, 1.0 / NEIGHBOR_RATIO] {
         tracks.retain_mut(|track| track.restore_best().is_some());
-        advance(&mut tracks, max_deficit, visited, |track| track.neighbor_of_likeliest(ratio));
+        advance(&mut tracks, max_deficit, visited, |track| track.neighbor_of_likeliest(ratio), budget);
     }
     tracks.into_iter().filter_map(Track::finish).collect()
 }
@@ -127,9 +133,10 @@ fn advance<F: Fn(&Pose) -> Gaussian>(
     max_deficit: f64,
     visited: &mut VisitedStates,
     next: impl Fn(&Track<F>) -> Option<NoiseLevels>,
+    budget: &Budget,
 ) {
     tracks.retain_mut(|track| {
-        let is_done = budget::is_exhausted() && track.best.is_some();
+        let is_done = budget.is_exhausted() && track.best.is_some();
         is_done
             || next(track).is_none_or(|noise| match track.run_at(noise) {
                 Some(()) => visited.insert(&track.state, noise),
@@ -157,10 +164,10 @@ struct Track<'a, F> {
 }
 
 impl<'a, F: Fn(&Pose) -> Gaussian> Track<'a, F> {
-    fn new(regions: &'a [SampledRegion], prior: &'a F, start: &CoarseFit) -> Self {
+    fn new(regions: &'a [SampledRegion], prior: &'a F, start: &CoarseFit, budget: &'a Budget) -> Self {
         let CoarseFit { pose, increment, .. } = *start;
         let state = PoseState { pose, increment, log_evidence: f64::NEG_INFINITY, has_converged: false };
-        let inference = LabelInference::joint(regions, prior, pose, start.models.clone());
+        let inference = LabelInference::joint(regions, prior, pose, start.models.clone(), budget);
         Self { inference, state, visited: Vec::new(), best: None }
     }
 
@@ -239,7 +246,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Track<'a, F> {
             pose,
             covariance,
             noise,
-            wrong_fractions: wrong_fractions(samples.regions, &samples.models, &last, noise),
+            wrong_fractions: wrong_fractions(samples.regions, &samples.models, &last, noise, samples.budget),
             messages: samples.messages(),
             evidence: ModeEvidence {
                 log_probabilities: samples.log_probabilities(&last.pose),

@@ -10,7 +10,7 @@ use super::margin::{EDGES_PER_PROJECTION, SampledRegion};
 use super::probit_site::LabelSite;
 use super::quadrature::EDGES_PER_LABEL;
 use super::segment::{ContourSegment, DILATED, INCREMENT, STATES, StateMoments};
-use crate::budget;
+use crate::budget::Budget;
 use crate::math::gaussian::{Gaussian, Normal};
 
 /// Sweeps over all sites at most.
@@ -164,6 +164,7 @@ pub fn run_ep<S: AsRef<LabelSite>>(
     guard: &Gaussian,
     sites: &[S],
     contours: &mut [ContourFactor],
+    budget: &Budget,
 ) -> Option<EpPosterior> {
     contours.iter_mut().for_each(|contour| contour.fit_ends(sites));
     let mut messages: Vec<Gaussian> = contours.iter().map(ContourFactor::message).collect();
@@ -171,7 +172,7 @@ pub fn run_ep<S: AsRef<LabelSite>>(
     let mut product = product_of(&messages) + *guard;
     let start = product.normalize()?.0;
     contours.iter_mut().for_each(|contour| contour.set_labels(sites, &start.covariance));
-    let shift = run_sweeps(start, sites.len(), |_| {
+    let sweep = |_| {
         for (contour, message) in contours.iter_mut().zip(&mut messages) {
             let cavity = product - *message;
             *message = contour.sweep(&cavity)?;
@@ -180,7 +181,8 @@ pub fn run_ep<S: AsRef<LabelSite>>(
         // Recomputed from all messages: rounding errors of differences add up.
         product = product_of(&messages);
         Some(product.normalize()?.0)
-    })?;
+    };
+    let shift = run_sweeps(start, sites.len(), sweep, budget)?;
     let (increment, log_integral) = product.normalize()?;
     let moments = contours.iter_mut().zip(&messages).map(|(contour, message)| contour.moments(&(product - *message)));
     let moments: Vec<ContourMoments> = moments.collect::<Option<_>>()?;
@@ -202,6 +204,7 @@ pub fn run_ep_independent<S: AsMut<LabelSite> + AsRef<LabelSite>>(
     prior: &Gaussian,
     guard: &Gaussian,
     sites: &mut [S],
+    budget: &Budget,
 ) -> Option<EpPosterior> {
     let product_of = |sites: &[S]| {
         let mut product = *prior;
@@ -209,10 +212,12 @@ pub fn run_ep_independent<S: AsMut<LabelSite> + AsRef<LabelSite>>(
         product
     };
     let start = (product_of(sites) + *guard).normalize()?.0;
-    let shift = run_sweeps(start, sites.len(), |mut increment| {
+    let count = sites.len();
+    let sweep = |mut increment: Normal| {
         sites.iter_mut().for_each(|site| site.as_mut().update(&mut increment));
         Some(product_of(sites).normalize()?.0)
-    })?;
+    };
+    let shift = run_sweeps(start, count, sweep, budget)?;
     let (increment, log_integral) = product_of(sites).normalize()?;
     let log_evidence = log_integral + sites.iter().map(|site| site.as_ref().log_scale(&increment)).sum::<f64>();
     Some(EpPosterior { increment, contours: Vec::new(), log_evidence, has_converged: shift < DIVERGED_SIGMAS })
@@ -220,11 +225,16 @@ pub fn run_ep_independent<S: AsMut<LabelSite> + AsRef<LabelSite>>(
 
 /// Sweeps from a distribution of the increment to the next one until the mean stays; returns how far the last one moved it, in standard
 /// deviations, or `None` where a direction is left free, or the search is stopped.
-fn run_sweeps(start: Normal, labels: usize, mut sweep: impl FnMut(Normal) -> Option<Normal>) -> Option<f64> {
+fn run_sweeps(
+    start: Normal,
+    labels: usize,
+    mut sweep: impl FnMut(Normal) -> Option<Normal>,
+    budget: &Budget,
+) -> Option<f64> {
     let (mut increment, mut shift) = (start, f64::INFINITY);
     for _ in 0..MAX_SWEEPS {
-        budget::charge(EDGES_PER_SWEEP * labels);
-        if budget::is_canceled() {
+        budget.charge(EDGES_PER_SWEEP * labels);
+        if budget.is_canceled() {
             return None;
         }
         let before = increment.mean;

@@ -7,7 +7,7 @@ use super::active_set::ActiveSet;
 use super::ep::{EpPosterior, run_ep, run_ep_independent};
 use super::label_model::{LabelModel, NoiseLevels, log_likelihood, subsample_stride};
 use super::margin::SampledRegion;
-use crate::budget;
+use crate::budget::Budget;
 use crate::equations::step_bounds::{backtracked, clamped};
 use crate::geometry::pose::{Pose, Tangent};
 use crate::math::gaussian::{Gaussian, Normal};
@@ -51,13 +51,19 @@ pub(super) struct LabelInference<'a, F> {
 
 impl<'a, F: Fn(&Pose) -> Gaussian> LabelInference<'a, F> {
     /// From a subsample, independent.
-    pub(super) fn subsampled(regions: &'a [SampledRegion], prior: &'a F, start: Pose) -> Self {
-        Self { prior, start, samples: ActiveSet::independent(regions, subsample_stride(regions)) }
+    pub(super) fn subsampled(regions: &'a [SampledRegion], prior: &'a F, start: Pose, budget: &'a Budget) -> Self {
+        Self { prior, start, samples: ActiveSet::independent(regions, subsample_stride(regions), budget) }
     }
 
     /// From all samples jointly, which share the offsets of contour segments.
-    pub(super) fn joint(regions: &'a [SampledRegion], prior: &'a F, start: Pose, models: Vec<LabelModel>) -> Self {
-        Self { prior, start, samples: ActiveSet::by_segment(regions, models) }
+    pub(super) fn joint(
+        regions: &'a [SampledRegion],
+        prior: &'a F,
+        start: Pose,
+        models: Vec<LabelModel>,
+        budget: &'a Budget,
+    ) -> Self {
+        Self { prior, start, samples: ActiveSet::by_segment(regions, models, budget) }
     }
 
     /// Log prior of a pose.
@@ -74,17 +80,17 @@ impl<'a, F: Fn(&Pose) -> Gaussian> LabelInference<'a, F> {
         rounds: usize,
         statistically: bool,
     ) -> Option<PoseState> {
-        if budget::is_canceled() {
+        if self.samples.budget.is_canceled() {
             return None;
         }
         let is_first = self.samples.active.is_empty();
         self.samples.select(&state.pose, &state.increment, noise);
         let (mut last_mean, mut damping) = (Tangent::zeros(), 1.0);
         for round in 0..rounds {
-            if budget::is_canceled() {
+            if self.samples.budget.is_canceled() {
                 return None;
             }
-            if round > 0 && budget::is_exhausted() {
+            if round > 0 && self.samples.budget.is_exhausted() {
                 break;
             }
             if statistically {
@@ -119,10 +125,10 @@ impl<'a, F: Fn(&Pose) -> Gaussian> LabelInference<'a, F> {
     /// Posterior of the increment from a pose.
     fn run_ep(&mut self, pose: &Pose, guard: &Gaussian) -> Option<EpPosterior> {
         let prior = start_prior(&self.start, pose) + (self.prior)(pose);
-        let ActiveSet { active, contours, by_segment, .. } = &mut self.samples;
+        let ActiveSet { active, contours, by_segment, budget, .. } = &mut self.samples;
         match by_segment {
-            true => run_ep(&prior, guard, active, contours),
-            false => run_ep_independent(&prior, guard, active),
+            true => run_ep(&prior, guard, active, contours, budget),
+            false => run_ep_independent(&prior, guard, active, budget),
         }
     }
 
@@ -147,9 +153,10 @@ impl<'a, F: Fn(&Pose) -> Gaussian> LabelInference<'a, F> {
         if squared_sigmas < 1.0 {
             return from.retract(step);
         }
-        let (regions, stride) = (self.samples.regions, subsample_stride(self.samples.regions));
+        let ActiveSet { regions, budget, .. } = self.samples;
+        let stride = subsample_stride(regions);
         let log_posterior =
-            |pose: &Pose| log_likelihood(regions, pose, label_sigma, stride) + (self.prior)(pose).offset;
+            |pose: &Pose| log_likelihood(regions, pose, label_sigma, stride, budget) + (self.prior)(pose).offset;
         let least = log_posterior(from) - MAX_DROP;
         backtracked(from, step, MAX_HALVINGS, |pose| log_posterior(pose) >= least).unwrap_or(*from)
     }

@@ -2,6 +2,7 @@
 //! eq. 17.3), its moments under a normal margin (eq. 17.6), and the sufficient statistics of its parameters.
 
 use super::margin::{EdgeKind, Margin, ProjectedSample, SampledRegion};
+use crate::budget::Budget;
 use crate::geometry::pose::Pose;
 use crate::math::normal::{cumulative, density};
 
@@ -250,9 +251,9 @@ pub fn subsample_stride(regions: &[SampledRegion]) -> usize {
 }
 
 /// Sigma of labels by the residuals of a pose: root mean square margin of the samples on their wrong side, pixels.
-pub(super) fn residual_sigma(regions: &[SampledRegion], pose: &Pose, stride: usize) -> f64 {
+pub(super) fn residual_sigma(regions: &[SampledRegion], pose: &Pose, stride: usize, budget: &Budget) -> f64 {
     let (mut squares, mut count) = (0.0, 0.0);
-    for sample in projected(regions, pose, stride) {
+    for sample in projected(regions, pose, stride, budget) {
         if let ProjectedSample::Visible(Margin { value, edge: EdgeKind::Own, .. }) = sample
             && value < 0.0
         {
@@ -264,17 +265,18 @@ pub(super) fn residual_sigma(regions: &[SampledRegion], pose: &Pose, stride: usi
 }
 
 /// Log likelihood of the labels of every `stride`-th sample at a pose, independent, with this sigma.
-pub fn log_likelihood(regions: &[SampledRegion], pose: &Pose, sigma: f64, stride: usize) -> f64 {
+pub fn log_likelihood(regions: &[SampledRegion], pose: &Pose, sigma: f64, stride: usize, budget: &Budget) -> f64 {
     let model = LabelModel { sigma, outlier_sigma: MIN_OUTLIER_RATIO * sigma, ..LabelModel::prior() };
-    projected(regions, pose, stride).map(|sample| model.posterior_at(&sample).log_probability).sum()
+    projected(regions, pose, stride, budget).map(|sample| model.posterior_at(&sample).log_probability).sum()
 }
 
 fn projected<'a>(
     regions: &'a [SampledRegion],
     pose: &'a Pose,
     stride: usize,
+    budget: &'a Budget,
 ) -> impl Iterator<Item = ProjectedSample> + 'a {
     regions
         .iter()
-        .flat_map(move |region| (0..region.count()).step_by(stride).map(|number| region.project(pose, number)))
+        .flat_map(move |region| (0..region.count()).step_by(stride).map(|number| region.project(pose, number, budget)))
 }

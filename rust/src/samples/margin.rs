@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use nalgebra::{Matrix6, Rotation3, Vector2, Vector3, Vector6};
 
 use super::signed_distance::SignedDistanceField;
-use crate::budget;
+use crate::budget::Budget;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::pose::Pose;
 use crate::region::WorldRegion;
@@ -155,8 +155,8 @@ impl SampledRegion {
 
     /// Whether any sample may lie on its wrong side at a pose with this covariance, of contours with this noise, pixels. Where none
     /// may, the samples add no information.
-    pub fn is_informative(&self, pose: &Pose, covariance: &Matrix6<f64>, sigma: f64) -> bool {
-        (0..self.count()).any(|number| match self.project(pose, number) {
+    pub fn is_informative(&self, pose: &Pose, covariance: &Matrix6<f64>, sigma: f64, budget: &Budget) -> bool {
+        (0..self.count()).any(|number| match self.project(pose, number, budget) {
             ProjectedSample::Visible(margin) => {
                 let deviation = (sigma * sigma + margin.gradient.dot(&(covariance * margin.gradient))).sqrt();
                 // A direction that is left free has no deviation.
@@ -167,8 +167,8 @@ impl SampledRegion {
     }
 
     /// The projection of the sample with this number at a pose about the problem's origin.
-    pub fn project(&self, pose: &Pose, number: usize) -> ProjectedSample {
-        budget::charge(EDGES_PER_PROJECTION);
+    pub fn project(&self, pose: &Pose, number: usize, budget: &Budget) -> ProjectedSample {
+        budget.charge(EDGES_PER_PROJECTION);
         let (sample, inside) = &self.samples[number];
         self.projected(&(self.rotation * pose.transform(sample)), *inside, &self.rotation.inverse())
     }

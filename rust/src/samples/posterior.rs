@@ -8,6 +8,7 @@ use super::label_inference::PoseState;
 use super::label_model::{LabelModel, NoiseLevels};
 use super::margin::{EdgeKind, ProjectedSample, SampledRegion};
 use super::probit_site::LabelSite;
+use crate::budget::Budget;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::math::autocorrelation::sigmas;
 use crate::math::gaussian::{Gaussian, Normal};
@@ -110,11 +111,12 @@ pub(super) fn wrong_fractions(
     models: &[LabelModel],
     state: &PoseState,
     noise: NoiseLevels,
+    budget: &Budget,
 ) -> Vec<f64> {
     let increment = Normal { mean: Tangent::zeros(), ..state.increment };
     let fraction = |(sampled, model): (&SampledRegion, &LabelModel)| {
         let (mut wrong, mut near) = (0.0, 0.0);
-        for sample in (0..sampled.count()).map(|number| sampled.project(&state.pose, number)) {
+        for sample in (0..sampled.count()).map(|number| sampled.project(&state.pose, number, budget)) {
             let (margin, sigma) = match sample {
                 ProjectedSample::Visible(margin) if margin.edge == EdgeKind::Own => {
                     let (mean, variance) = LabelSite::new(&margin, *model).margin_under(&increment);

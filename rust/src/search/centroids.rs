@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use super::directions::seen_direction;
 use super::p3p::three_point_poses;
 use super::poses::sorted;
-use crate::budget;
+use crate::budget::Budget;
 use crate::geometry::pose::Pose;
 use crate::moments::plane::planar_moments;
 use crate::problem::Problem;
@@ -24,13 +24,13 @@ const MOST_REGIONS: usize = 24;
 const EDGES_OF_TRIPLE: usize = 1;
 
 /// The poses of three regions' centroids, about the problem's origin; none of fewer regions, or of ones on a line.
-pub fn centroid_poses(problem: &Problem) -> Vec<Pose> {
+pub fn centroid_poses(problem: &Problem, budget: &Budget) -> Vec<Pose> {
     let pairs = problem.regions().iter().zip(problem.worlds());
     let sights = pairs.filter_map(|(region, world)| Some((middle(world) - problem.origin(), seen_direction(region)?)));
-    let sights = far_apart(sights.collect(), MOST_REGIONS);
+    let sights = far_apart(sights.collect(), MOST_REGIONS, budget);
     let count = sights.len();
     let triples = (0..count).flat_map(|c| (0..c).flat_map(move |b| (0..b).map(move |a| [a, b, c])));
-    budget::charge(EDGES_OF_TRIPLE * count.pow(3) / 6);
+    budget.charge(EDGES_OF_TRIPLE * count.pow(3) / 6);
     let area = |[a, b, c]: [usize; 3]| (sights[b].0 - sights[a].0).cross(&(sights[c].0 - sights[a].0)).norm();
     let largest = sorted(triples.map(|triple| (-area(triple), triple)).collect());
     let poses = |(_, triple): (f64, [usize; 3])| {
@@ -44,7 +44,7 @@ type Sight = (Vector3<f64>, Vector3<f64>);
 
 /// At most so many of the sights, in their order: from the one that lies farthest from the middle on, each that lies farthest from
 /// those taken before (Gonzalez 1985).
-fn far_apart(sights: Vec<Sight>, most: usize) -> Vec<Sight> {
+fn far_apart(sights: Vec<Sight>, most: usize, budget: &Budget) -> Vec<Sight> {
     if sights.len() <= most {
         return sights;
     }
@@ -59,7 +59,7 @@ fn far_apart(sights: Vec<Sight>, most: usize) -> Vec<Sight> {
             let other = (place - sights[farthest].0).norm_squared();
             *square = if is_first { other } else { square.min(other) };
         }
-        budget::charge(sights.len());
+        budget.charge(sights.len());
     }
     taken.sort_unstable();
     taken.dedup();

@@ -3,6 +3,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
+use crate::budget::Budget;
 use crate::geometry::pose::Pose;
 use crate::geometry::rings::PlaneRings;
 use crate::geometry::simplified::simplified;
@@ -60,8 +61,9 @@ pub fn corner_poses(
     origin: &Vector3<f64>,
     pixel: f64,
     most: usize,
+    budget: &Budget,
 ) -> Vec<Pose> {
-    let (image_corners, corners) = (observed_corners(outline, pixel), world_corners(world));
+    let (image_corners, corners) = (observed_corners(outline, pixel, budget), world_corners(world, budget));
     let groups: Vec<_> = STRIDES.into_iter().flat_map(|stride| [(stride, false), (stride, true)]).collect();
     let triples_of = |&(stride, backwards): &(usize, bool)| {
         let observed: Vec<_> = image_corners.iter().flat_map(|ring| triples(ring, stride, false)).collect();
@@ -106,13 +108,14 @@ pub fn triangle_poses(
     world: &WorldRegion,
     origin: &Vector3<f64>,
     pixel: f64,
+    budget: &Budget,
 ) -> Vec<Pose> {
-    let rings = world_corners(world);
+    let rings = world_corners(world, budget);
     let [corners] = rings.as_slice() else { return Vec::new() };
     if corners.len() != 3 {
         return Vec::new();
     }
-    let image_corners = observed_corners(outline, pixel);
+    let image_corners = observed_corners(outline, pixel, budget);
     let [image_corners] = image_corners.as_slice() else { return Vec::new() };
     let [a, b, c] = image_corners.as_slice() else { return Vec::new() };
     let pairings = [false, true].into_iter().flat_map(|backwards| triples(corners, 1, backwards));
@@ -132,12 +135,12 @@ fn posed(
     poses.into_iter().map(|pose| Pose::new(back * pose.rotation, back * pose.translation)).collect()
 }
 
-fn observed_corners(outline: &PlaneRings, pixel: f64) -> Vec<Vec<Corner<Vector2<f64>>>> {
+fn observed_corners(outline: &PlaneRings, pixel: f64, budget: &Budget) -> Vec<Vec<Corner<Vector2<f64>>>> {
     let tolerance = (CORNER_TOLERANCE * outline.area().sqrt()).max(TOLERANCE_PIXELS * pixel);
-    outline.rings().iter().map(|ring| turning(simplified(ring, tolerance), |p| *p)).collect()
+    outline.rings().iter().map(|ring| turning(simplified(ring, tolerance, budget), |p| *p)).collect()
 }
 
-fn world_corners(world: &WorldRegion) -> Vec<Vec<Corner<Vector3<f64>>>> {
+fn world_corners(world: &WorldRegion, budget: &Budget) -> Vec<Vec<Corner<Vector3<f64>>>> {
     let corners = |ring: &Vec<Vector3<f64>>| turning(ring.clone(), |x| world.frame().to_plane(x));
-    world.corners().iter().map(corners).collect()
+    world.corners(budget).iter().map(corners).collect()
 }

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector2;
 
+use crate::budget::Budget;
 use crate::geometry::clipping::intersection;
 use crate::geometry::rings::PlaneRings;
 use crate::region::WorldRegion;
@@ -15,7 +16,7 @@ const CUT_SHARES: [f64; 3] = [0.15, 0.3, 0.45];
 const CUT_HALVINGS: usize = 12;
 
 /// A world region cut by straight lines from all sides: what a border that is straight in the image may leave of it.
-pub fn cut_worlds(world: &WorldRegion) -> Vec<WorldRegion> {
+pub fn cut_worlds(world: &WorldRegion, budget: &Budget) -> Vec<WorldRegion> {
     let outline = world.outline();
     let (lower, upper) = outline.bounds();
     let (middle, reach) = ((lower + upper) / 2.0, (upper - lower).norm());
@@ -27,7 +28,7 @@ pub fn cut_worlds(world: &WorldRegion) -> Vec<WorldRegion> {
             let corner = |x: f64, y: f64| middle + along * x + across * y;
             let half = [(-reach, -reach), (offset, -reach), (offset, reach), (-reach, reach)];
             let half = vec![half.map(|(x, y)| corner(x, y)).to_vec()];
-            PlaneRings::of_simple(intersection(outline.rings(), &half).rings)
+            PlaneRings::of_simple(intersection(outline.rings(), &half, budget).rings)
         };
         for share in CUT_SHARES {
             let (mut low, mut high) = (-reach, reach);

@@ -2,6 +2,7 @@
 //! (`docs/math.md`, eq. 11.15).
 
 use super::acceptance::{DECISIVE, is_mostly_clean};
+use crate::budget::Budget;
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
 use crate::contour::readings::Contour;
@@ -10,13 +11,20 @@ use crate::prior::{MAX_PENALTY, mahalanobis};
 
 /// Whether every `step`-th piece prefers a fit on the contours decisively to a minimum of the moments; `own` is the minimum reached from
 /// the fit, which must not contradict it.
-pub(super) fn decides(contours: &[Contour], place: &Pose, minimum: &Pose, own: &Pose, step: usize) -> bool {
-    let at = |pose: &Pose| ContourFit::at(contours, pose, step);
+pub(super) fn decides(
+    contours: &[Contour],
+    place: &Pose,
+    minimum: &Pose,
+    own: &Pose,
+    step: usize,
+    budget: &Budget,
+) -> bool {
+    let at = |pose: &Pose| ContourFit::at(contours, pose, step, budget);
     let [Some(place), Some(minimum)] = [place, minimum].map(at) else { return true };
     let gain = place.gain_over(&minimum);
     holds_a_pose(&place)
         && gain >= DECISIVE
-        && gain - at(own).map_or(0.0, |own| moment_log_odds(contours, &place, &own)) >= DECISIVE
+        && gain - at(own).map_or(0.0, |own| moment_log_odds(contours, &place, &own, budget)) >= DECISIVE
 }
 
 /// Whether as many independent parts of the contours are clean as a pose has parameters: fewer may lie on the projection by chance.
@@ -30,11 +38,12 @@ fn holds_a_pose(place: &ContourFit) -> bool {
 /// Disturbances add and remove area alike, so that the moments are off by chance alone. Pieces that lie
 /// on a wrong boundary side by side, as those of squares of one size do, are half of a contour at the most: where more than that is
 /// clean, the rest may be off to one side.
-fn moment_log_odds(contours: &[Contour], place: &ContourFit, minimum: &ContourFit) -> f64 {
+fn moment_log_odds(contours: &[Contour], place: &ContourFit, minimum: &ContourFit, budget: &Budget) -> f64 {
     if is_mostly_clean(place) {
         return 0.0;
     }
-    let deviations = mahalanobis(&minimum.pose.local_coordinates(&place.pose), &covariance(contours, minimum));
+    let increment = minimum.pose.local_coordinates(&place.pose);
+    let deviations = mahalanobis(&increment, &covariance(contours, minimum, budget));
     contradiction(deviations * deviations)
 }
 

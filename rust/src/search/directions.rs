@@ -9,6 +9,7 @@ use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use super::moments::STARTS_PER_REGION;
 use super::poses::sorted;
 use super::turns::least_turns;
+use crate::budget::Budget;
 use crate::contour::fit::FixedMixture;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::pose::Pose;
@@ -31,7 +32,7 @@ struct Direction {
 /// Poses about the problem's origin with the camera at the prior's place, turned so that every
 /// region is seen where it is; where that leaves a turn free, also those turns at which the contours fit. None without
 /// such a place.
-pub fn direction_poses(problem: &Problem, prior: &Prior, step: usize) -> Vec<Pose> {
+pub fn direction_poses(problem: &Problem, prior: &Prior, step: usize, budget: &Budget) -> Vec<Pose> {
     let Some((near, sigma)) = prior.place() else { return Vec::new() };
     let place = near - problem.origin();
     let pairs = problem.regions().iter().zip(problem.worlds());
@@ -42,7 +43,8 @@ pub fn direction_poses(problem: &Problem, prior: &Prior, step: usize) -> Vec<Pos
     }
     directions.extend(upright(prior));
     let Some(rotation) = best_rotation(&directions) else { return Vec::new() };
-    let turned = free_axis(&directions).map(|axis| least_poses(problem, &rotation, &axis, &place, step));
+    let fixed = FixedMixture::new(problem.contours(), step, budget);
+    let turned = free_axis(&directions).map(|axis| least_poses(&fixed, &rotation, &axis, &place));
     std::iter::once(standing(rotation, &place)).chain(turned.into_iter().flatten()).collect()
 }
 
@@ -107,13 +109,11 @@ fn free_axis(directions: &[Direction]) -> Option<Unit<Vector3<f64>>> {
 /// Poses turned about an axis of the camera's at which the regions lie nearer to their contours than at the turns
 /// beside, the nearest first.
 fn least_poses(
-    problem: &Problem,
+    fixed: &FixedMixture<'_>,
     rotation: &Rotation3<f64>,
     axis: &Unit<Vector3<f64>>,
     place: &Vector3<f64>,
-    step: usize,
 ) -> Vec<Pose> {
-    let fixed = FixedMixture::new(problem.contours(), step);
     let turned = |angle: f64| standing(Rotation3::from_axis_angle(axis, angle) * rotation, place);
     let least = sorted(least_turns(|angle| fixed.negative_log_density(&turned(angle))));
     least.into_iter().take(STARTS_PER_REGION).map(|(_, angle)| turned(angle)).collect()

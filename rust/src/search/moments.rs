@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::closed_form::{closed_form, conjugate, facing};
 use super::corners::triangle_poses;
 use super::poses::{distinct, sorted};
-use crate::budget;
+use crate::budget::Budget;
 use crate::equations::least_squares::{TerminationCriteria, minimize};
 use crate::equations::residual::{self, RegionEquations};
 use crate::equations::system::Weighting;
@@ -63,12 +63,13 @@ pub fn moment_poses(
     starts: Starts,
     cache: &mut SingleRegionCache,
     mut explains: impl FnMut(&Pose) -> bool,
+    budget: &Budget,
 ) -> Vec<Pose> {
     let mut order: Vec<usize> = (0..problem.regions().len()).collect();
     order.sort_by(|&a, &b| problem.regions()[b].pixel_area().total_cmp(&problem.regions()[a].pixel_area()));
-    let mut found: Vec<(f64, Pose)> = prior_poses.iter().map(|pose| solved_jointly(problem, pose)).collect();
+    let mut found: Vec<(f64, Pose)> = prior_poses.iter().map(|pose| solved_jointly(problem, pose, budget)).collect();
     for index in order {
-        found.extend(solved_together(problem, region_poses(problem, index, prior, starts, cache)));
+        found.extend(solved_together(problem, region_poses(problem, index, prior, starts, cache, budget), budget));
         found = narrowed(found);
         if starts == Starts::Likely && found.first().is_some_and(|(_, pose)| explains(pose)) {
             break;
@@ -78,11 +79,11 @@ pub fn moment_poses(
 }
 
 /// Poses of single regions, independent of the others, region by region; none of a single region.
-pub fn single_region_poses(problem: &Problem, cache: &mut SingleRegionCache) -> Vec<Vec<Pose>> {
+pub fn single_region_poses(problem: &Problem, cache: &mut SingleRegionCache, budget: &Budget) -> Vec<Vec<Pose>> {
     if problem.regions().len() == 1 {
         return Vec::new();
     }
-    let of = |index| region_poses(problem, index, &Prior::default(), Starts::All, cache);
+    let of = |index| region_poses(problem, index, &Prior::default(), Starts::All, cache, budget);
     (0..problem.regions().len()).map(of).collect()
 }
 
@@ -93,23 +94,25 @@ fn region_poses(
     prior: &Prior,
     starts: Starts,
     cache: &mut SingleRegionCache,
+    budget: &Budget,
 ) -> Vec<Pose> {
     let (region, world, origin) = (&problem.regions()[index], &problem.worlds()[index], problem.origin());
     let single = problem.regions().len() == 1;
     let mut poses = closed_form(region.chart(), region.outline(), world, origin);
-    poses.extend(triangle_poses(region.chart(), region.outline(), world, origin, region.pixel_area().sqrt().recip()));
+    let pixel = region.pixel_area().sqrt().recip();
+    poses.extend(triangle_poses(region.chart(), region.outline(), world, origin, pixel, budget));
     if prior.up.is_some() {
         poses.extend(facing(region.chart(), region.outline(), world, origin, prior.up.as_ref()));
     }
     // Of a single region, a wrong pose may fit where the rest of it is cut off.
     if region.border().is_some() && (starts == Starts::All || single) {
-        poses.extend(cut_starts(problem, region, world));
+        poses.extend(cut_starts(problem, region, world, budget));
     }
     if starts == Starts::Likely && !single {
-        poses = without_cost(pruned_by_cost(costs_of(problem.coarse(), poses)));
+        poses = without_cost(pruned_by_cost(costs_of(problem.coarse(budget), poses, budget)));
         poses.truncate(STARTS_PER_REGION);
     }
-    poses.iter().filter_map(|pose| cache.solved(problem, index, pose)).collect()
+    poses.iter().filter_map(|pose| cache.solved(problem, index, pose, budget)).collect()
 }
 
 /// Starts of single regions and the minima reached from them: likely ones are followed first, and are among all of them.
@@ -118,16 +121,17 @@ pub struct SingleRegionCache(BTreeMap<usize, Vec<(Pose, Pose)>>);
 
 impl SingleRegionCache {
     /// The minimum of one region's unweighted equations near a start; `None` once the budget is exhausted.
-    fn solved(&mut self, problem: &Problem, index: usize, start: &Pose) -> Option<Pose> {
+    fn solved(&mut self, problem: &Problem, index: usize, start: &Pose, budget: &Budget) -> Option<Pose> {
         let followed = self.0.get(&index).into_iter().flatten();
         if let Some((_, found)) = followed.into_iter().find(|(from, _)| from == start) {
             return Some(*found);
         }
         // Each start costs an evaluation at least: none is followed once the budget is exhausted.
-        if budget::is_exhausted() && !self.0.is_empty() {
+        if budget.is_exhausted() && !self.0.is_empty() {
             return None;
         }
-        let found = minimize(&problem.coarse()[index..=index], start, Weighting::Uniform, CANDIDATE).pose;
+        let region = &problem.coarse(budget)[index..=index];
+        let found = minimize(region, start, Weighting::Uniform, CANDIDATE, budget).pose;
         self.0.entry(index).or_default().push((*start, found));
         Some(found)
     }
@@ -135,28 +139,29 @@ impl SingleRegionCache {
 
 /// The starts of a region that the image's border cuts, at which the cut prediction fits best: those of its world region
 /// cut by lines from all sides.
-fn cut_starts(problem: &Problem, region: &RegionEquations, world: &WorldRegion) -> Vec<Pose> {
-    let poses = costs_of(std::slice::from_ref(region), cut_forms(problem, region, world));
+fn cut_starts(problem: &Problem, region: &RegionEquations, world: &WorldRegion, budget: &Budget) -> Vec<Pose> {
+    let poses = costs_of(std::slice::from_ref(region), cut_forms(problem, region, world, budget), budget);
     sorted(poses).into_iter().take(STARTS_OF_CUT).map(|(_, pose)| pose).collect()
 }
 
 /// Closed forms of every region that has hidden edges, its world region cut from all sides as what hides it may have
 /// cut it.
-pub fn hidden_region_poses(problem: &Problem) -> Vec<Pose> {
+pub fn hidden_region_poses(problem: &Problem, budget: &Budget) -> Vec<Pose> {
     let pairs = problem.regions().iter().zip(problem.worlds());
     let hidden = pairs.filter(|(region, _)| region.hides_edges());
-    hidden.flat_map(|(region, world)| cut_forms(problem, region, world)).collect()
+    hidden.flat_map(|(region, world)| cut_forms(problem, region, world, budget)).collect()
 }
 
-fn cut_forms(problem: &Problem, region: &RegionEquations, world: &WorldRegion) -> Vec<Pose> {
+fn cut_forms(problem: &Problem, region: &RegionEquations, world: &WorldRegion, budget: &Budget) -> Vec<Pose> {
     let closed = |cut: &WorldRegion| closed_form(region.chart(), region.outline(), cut, problem.origin());
-    cut_worlds(world).iter().flat_map(closed).collect()
+    cut_worlds(world, budget).iter().flat_map(closed).collect()
 }
 
 /// Minima from the paper's start (its section 2.1.1 and 2.2.1), or from a given pose alone.
-pub fn paper_poses(problem: &Problem, prior: &Prior) -> Vec<Pose> {
+pub fn paper_poses(problem: &Problem, prior: &Prior, budget: &Budget) -> Vec<Pose> {
     let regions = problem.regions();
-    let solved = |regions: &[RegionEquations], pose: &Pose| minimize(regions, pose, Weighting::Uniform, FINAL).pose;
+    let solved =
+        |regions: &[RegionEquations], pose: &Pose| minimize(regions, pose, Weighting::Uniform, FINAL, budget).pose;
     let starts = match &prior.initial {
         Some(initial) => vec![solved(regions, &problem.centered(initial))],
         None => {
@@ -169,22 +174,22 @@ pub fn paper_poses(problem: &Problem, prior: &Prior) -> Vec<Pose> {
             facing.iter().flat_map(both).collect()
         }
     };
-    without_cost(narrowed(solved_together(problem, starts)))
+    without_cost(narrowed(solved_together(problem, starts, budget)))
 }
 
 /// Minima of all regions' unweighted equations near the starts, with their cost.
-fn solved_together(problem: &Problem, starts: Vec<Pose>) -> Vec<(f64, Pose)> {
+fn solved_together(problem: &Problem, starts: Vec<Pose>, budget: &Budget) -> Vec<(f64, Pose)> {
     let regions = problem.regions();
-    let found = narrowed(starts.into_iter().map(|pose| (cost(regions, &pose), pose)).collect());
+    let found = narrowed(starts.into_iter().map(|pose| (cost(regions, &pose, budget), pose)).collect());
     if regions.len() == 1 {
         return found;
     }
-    found.iter().map(|(_, pose)| solved_jointly(problem, pose)).collect()
+    found.iter().map(|(_, pose)| solved_jointly(problem, pose, budget)).collect()
 }
 
 /// The minimum of all regions' unweighted equations near a start, with its cost.
-fn solved_jointly(problem: &Problem, start: &Pose) -> (f64, Pose) {
-    let minimum = minimize(problem.regions(), start, Weighting::Uniform, CANDIDATE);
+fn solved_jointly(problem: &Problem, start: &Pose, budget: &Budget) -> (f64, Pose) {
+    let minimum = minimize(problem.regions(), start, Weighting::Uniform, CANDIDATE, budget);
     (minimum.cost, minimum.pose)
 }
 
@@ -206,15 +211,15 @@ fn without_cost(costs: Vec<(f64, Pose)>) -> Vec<Pose> {
 }
 
 /// Poses with their joint unweighted cost, the largest of all where they show a region out of view.
-fn costs_of(regions: &[RegionEquations], poses: Vec<Pose>) -> Vec<(f64, Pose)> {
-    poses.into_iter().map(|pose| (cost(regions, &pose).min(f64::MAX), pose)).collect()
+fn costs_of(regions: &[RegionEquations], poses: Vec<Pose>, budget: &Budget) -> Vec<(f64, Pose)> {
+    poses.into_iter().map(|pose| (cost(regions, &pose, budget).min(f64::MAX), pose)).collect()
 }
 
 /// Sum of the squared unweighted residuals; infinite where a region is out of view, and the largest number where the budget is
 /// exhausted.
-fn cost(regions: &[RegionEquations], pose: &Pose) -> f64 {
-    if budget::is_exhausted() {
+fn cost(regions: &[RegionEquations], pose: &Pose, budget: &Budget) -> f64 {
+    if budget.is_exhausted() {
         return f64::MAX;
     }
-    residual::cost(regions, pose, Weighting::Uniform).unwrap_or(f64::INFINITY)
+    residual::cost(regions, pose, Weighting::Uniform, budget).unwrap_or(f64::INFINITY)
 }

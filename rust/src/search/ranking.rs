@@ -4,6 +4,7 @@ use std::iter;
 
 use super::moments::SAME_CANDIDATE;
 use super::poses::{distinct, sorted};
+use crate::budget::Budget;
 use crate::contour::fit::{AMBIGUITY, ContourFit, FixedMixture};
 use crate::contour::readings::Contour;
 use crate::geometry::pose::Pose;
@@ -51,11 +52,17 @@ pub(super) fn likely(problem: &Problem, fits: Vec<ContourFit>, prior: &Prior) ->
 }
 
 /// The likeliest poses on every `step`-th piece, without any being moved.
-pub(super) fn likeliest(contours: &[Contour], poses: Vec<Pose>, step: usize, most: usize) -> Vec<Pose> {
+pub(super) fn likeliest(
+    contours: &[Contour],
+    poses: Vec<Pose>,
+    step: usize,
+    most: usize,
+    budget: &Budget,
+) -> Vec<Pose> {
     if poses.len() <= 1 {
         return poses;
     }
-    let fixed = FixedMixture::new(contours, step);
+    let fixed = FixedMixture::new(contours, step, budget);
     let scored = sorted(poses.into_iter().map(|pose| (fixed.negative_log_density(&pose), pose)).collect());
     // A single region may be disturbed so much that its moments have no minimum near the pose; several reject a wrong pose on few pieces.
     let worst = if contours.len() > 1 { MAX_DEFICIT } else { f64::INFINITY };
@@ -64,8 +71,8 @@ pub(super) fn likeliest(contours: &[Contour], poses: Vec<Pose>, step: usize, mos
 }
 
 /// Each pose once, those that lie nearest to the contours.
-pub(super) fn nearest(contours: &[Contour], poses: Vec<Pose>, step: usize, most: usize) -> Vec<Pose> {
-    let fixed = FixedMixture::new(contours, step);
+pub(super) fn nearest(contours: &[Contour], poses: Vec<Pose>, step: usize, most: usize, budget: &Budget) -> Vec<Pose> {
+    let fixed = FixedMixture::new(contours, step, budget);
     let scored = poses.into_iter().map(|pose| (fixed.negative_log_density(&pose), pose)).collect();
     distinct(scored, most, SAME_CANDIDATE, |pose| pose).into_iter().map(|(_, pose)| pose).collect()
 }

@@ -8,7 +8,7 @@ use super::moments::{SingleRegionCache, single_region_poses};
 use super::outlined::{outlines, outlines_beside_samples};
 use super::poses::{apart, distinct};
 use super::symmetry::turned_about;
-use crate::budget;
+use crate::budget::Budget;
 use crate::contour::fit::AMBIGUITY;
 use crate::contour::readings::Contour;
 use crate::geometry::pose::{PARAMETERS, Pose};
@@ -56,12 +56,13 @@ const OUTLINE_POINTS: usize = 128;
 impl Problem {
     /// Modes of the samples' posterior about some starts and, where samples contradict all of these, about further ones; the
     /// likeliest first. Poses are about the problem's origin.
-    pub(crate) fn posteriors(&self, starts: &[Pose], prior: &Prior) -> Vec<Posterior> {
-        let mut found = self.posteriors_with(starts, prior);
+    pub(crate) fn posteriors(&self, starts: &[Pose], prior: &Prior, budget: &Budget) -> Vec<Posterior> {
+        let mut found = self.posteriors_with(starts, prior, budget);
         let agrees = |posterior: &Posterior| is_found(posterior) && self.penalty(posterior, prior) < AMBIGUITY;
         if prior.max_penalty() > 0.0 && !found.first().is_some_and(agrees) {
             // A prior that samples contradict may be wrong: poses without it bear its bounded penalty.
-            found.extend(self.posteriors_with(starts, &Prior::default()).into_iter().map(|posterior| {
+            let without = self.posteriors_with(starts, &Prior::default(), budget);
+            found.extend(without.into_iter().map(|posterior| {
                 let penalty = self.penalty(&posterior, prior);
                 posterior.with_log_prior(-0.5 * penalty)
             }));
@@ -75,19 +76,20 @@ impl Problem {
     }
 
     /// The modes with a prior, the likeliest first.
-    fn posteriors_with(&self, starts: &[Pose], prior: &Prior) -> Vec<Posterior> {
+    fn posteriors_with(&self, starts: &[Pose], prior: &Prior, budget: &Budget) -> Vec<Posterior> {
         let (outlined, guessed) = (self.outlined(), self.guessed());
-        let creases = self.creases();
+        let creases = self.creases(budget);
         let factor_at = |pose: &Pose| {
-            let factor = prior.gaussian(&self.uncentered(pose)) + outlines(&outlined, pose);
-            let factor = factor + outlines_beside_samples(&guessed, pose, self.coarse_stride());
+            let factor = prior.gaussian(&self.uncentered(pose)) + outlines(&outlined, pose, budget);
+            let factor = factor + outlines_beside_samples(&guessed, pose, self.coarse_stride(), budget);
             creases.iter().fold(factor, |sum, crease| sum + crease.gaussian(pose))
         };
         let mut visited = VisitedStates::default();
-        let mut found = self.posteriors_near(starts, &[], &factor_at, &mut visited);
+        let mut found = self.posteriors_near(starts, &[], &factor_at, &mut visited, budget);
         if !found.iter().any(is_found) {
-            let further = further_poses(self, &single_region_poses(self, &mut SingleRegionCache::default()));
-            found.extend(self.posteriors_near(&further, &[], &factor_at, &mut visited));
+            let single = single_region_poses(self, &mut SingleRegionCache::default(), budget);
+            let further = further_poses(self, &single, budget);
+            found.extend(self.posteriors_near(&further, &[], &factor_at, &mut visited, budget));
         }
         let mut last_refined: Option<(f64, Pose)> = None;
         // A symmetric shape fits from several places, of which the starts may have missed one, and sparse samples hold some on
@@ -97,10 +99,10 @@ impl Problem {
                 .is_none_or(|(last_evidence, last)| *log_evidence > last_evidence && apart(&last, best, SAME_PLACE))
         }) {
             let (regions, step) = (self.sampled(), subsample_stride(self.sampled()));
-            let cost = |pose: &Pose| -log_likelihood(regions, pose, COARSE_SIGMA, step);
+            let cost = |pose: &Pose| -log_likelihood(regions, pose, COARSE_SIGMA, step, budget);
             let turned = turned_about(self, &best, cost, MAX_DEFICIT);
             let starts: Vec<Pose> = turned.into_iter().chain(beside(&best)).collect();
-            found.extend(self.posteriors_near(&starts, &found, &factor_at, &mut visited));
+            found.extend(self.posteriors_near(&starts, &found, &factor_at, &mut visited, budget));
             last_refined = Some((log_evidence, best));
         }
         modes(found)
@@ -113,21 +115,22 @@ impl Problem {
         found: &[Posterior],
         factor_at: &impl Fn(&Pose) -> Gaussian,
         visited: &mut VisitedStates,
+        budget: &Budget,
     ) -> Vec<Posterior> {
         let (regions, step) = (self.sampled(), subsample_stride(self.sampled()));
-        let cost = |pose: &Pose| -log_likelihood(regions, pose, ROUGH, step) - factor_at(pose).offset;
+        let cost = |pose: &Pose| -log_likelihood(regions, pose, ROUGH, step, budget) - factor_at(pose).offset;
         let scored = starts.iter().map(|pose| (cost(pose), *pose)).collect();
         let starts = distinct(scored, MOST_STARTS, CONVERGENCE_RADIUS, |pose| pose);
         let least = starts.first().map_or(0.0, |(cost, _)| *cost);
         let starts = starts.into_iter().take_while(|(cost, _)| *cost - least <= 2.0 * MAX_DEFICIT);
-        let leading = starts.take_while(|_| !budget::is_exhausted());
+        let leading = starts.take_while(|_| !budget.is_exhausted());
         let is_new = |fit: &CoarseFit| found.iter().all(|other| apart(&other.pose, &fit.pose, SAME_PLACE));
         let all: Vec<CoarseFit> =
-            leading.filter_map(|(_, start)| fit_coarse(regions, factor_at, &start)).filter(is_new).collect();
+            leading.filter_map(|(_, start)| fit_coarse(regions, factor_at, &start, budget)).filter(is_new).collect();
         let is_same = |a: &CoarseFit, b: &CoarseFit| !apart(&a.pose, &b.pose, SAME_PLACE);
         let is_behind = |best: &CoarseFit, other: &CoarseFit| best.log_evidence - other.log_evidence > MAX_DEFICIT;
         let likely = likeliest(all, is_behind, |fit| fit.log_evidence, is_same);
-        anneal(regions, factor_at, &likely, 2.0 * MAX_DEFICIT, visited)
+        anneal(regions, factor_at, &likely, 2.0 * MAX_DEFICIT, visited, budget)
     }
 
     /// Each answer once, the likeliest first, as the mixture of its modes: where samples contradict a pose, it depends on the start which
@@ -160,12 +163,18 @@ impl Problem {
 
     /// The same without the samples of regions that are uninformative at all of these answers, poses about the problem's origin with their
     /// covariance and the scatter of contours, pixels; `None` where those of all regions are informative.
-    pub(crate) fn with_informative_samples_at(&self, answers: &[(Pose, Matrix6<f64>, f64)]) -> Option<Self> {
+    pub(crate) fn with_informative_samples_at(
+        &self,
+        answers: &[(Pose, Matrix6<f64>, f64)],
+        budget: &Budget,
+    ) -> Option<Self> {
         let is_informative = |region: &SampledRegion| {
             // The outline of a line alone carries no information.
             let is_line = self.worlds()[region.index()].is_line();
-            is_line
-                || answers.iter().any(|(pose, covariance, scatter)| region.is_informative(pose, covariance, *scatter))
+            let is_informative_at = |(pose, covariance, scatter): &(Pose, Matrix6<f64>, f64)| {
+                region.is_informative(pose, covariance, *scatter, budget)
+            };
+            is_line || answers.iter().any(is_informative_at)
         };
         let informative: Vec<bool> = self.sampled().iter().map(is_informative).collect();
         (!answers.is_empty() && informative.contains(&false)).then(|| self.with_sampled(&informative))

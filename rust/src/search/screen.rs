@@ -2,6 +2,7 @@
 
 use super::acceptance::is_mostly_clean;
 use super::directions::direction_poses;
+use crate::budget::Budget;
 use crate::contour::fit::{ContourFit, refined};
 use crate::contour::readings::Contour;
 use crate::geometry::pose::Pose;
@@ -21,20 +22,22 @@ pub(super) struct CandidateScreen<'a> {
     last: Option<ContourFit>,
     /// Starts, and their refinements on the contours.
     refined: Vec<(Pose, ContourFit)>,
+    budget: &'a Budget,
 }
 
 impl<'a> CandidateScreen<'a> {
-    pub(super) fn new(problem: &'a Problem, options: &Options) -> Self {
+    pub(super) fn new(problem: &'a Problem, options: &Options, budget: &'a Budget) -> Self {
         let contours = problem.contours();
         let refines = contours.len() > 1 && options.refinement == Refinement::Contour;
-        let prior_poses = prior_poses(problem, &options.prior);
-        Self { contours, step: problem.coarse_stride(), refines, prior_poses, last: None, refined: Vec::new() }
+        let prior_poses = prior_poses(problem, &options.prior, budget);
+        let step = problem.coarse_stride();
+        Self { contours, step, refines, prior_poses, last: None, refined: Vec::new(), budget }
     }
 
     /// The fit at a pose that is not moved.
     pub(super) fn at(&mut self, pose: &Pose) -> Option<&ContourFit> {
         if self.last.as_ref().is_none_or(|fit| fit.pose != *pose) {
-            self.last = ContourFit::at(self.contours, pose, self.step);
+            self.last = ContourFit::at(self.contours, pose, self.step, self.budget);
         }
         self.last.as_ref()
     }
@@ -54,14 +57,14 @@ impl<'a> CandidateScreen<'a> {
     pub(super) fn refined_from(&self, start: &Pose) -> Option<ContourFit> {
         match self.refined.iter().find(|(pose, _)| pose == start) {
             Some((_, fit)) => Some(fit.clone()),
-            None => refined(self.contours, start, self.step),
+            None => refined(self.contours, start, self.step, self.budget),
         }
     }
 }
 
 /// Poses that the prior gives, about the problem's origin: the initial one, and those of directions from the camera's
 /// place.
-fn prior_poses(problem: &Problem, prior: &Prior) -> Vec<Pose> {
+fn prior_poses(problem: &Problem, prior: &Prior, budget: &Budget) -> Vec<Pose> {
     let initial = prior.initial.map(|pose| problem.centered(&pose));
-    initial.into_iter().chain(direction_poses(problem, prior, problem.coarse_stride())).collect()
+    initial.into_iter().chain(direction_poses(problem, prior, problem.coarse_stride(), budget)).collect()
 }

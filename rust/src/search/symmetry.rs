@@ -9,6 +9,7 @@ use super::moments::MOST_CANDIDATES;
 use super::poses::sorted;
 use super::ranking::MAX_DEFICIT;
 use super::turns::{TURN, least_turns};
+use crate::budget::Budget;
 use crate::contour::fit::FixedMixture;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::pose::Pose;
@@ -32,8 +33,8 @@ struct Drawing {
 /// The poses at which the plane of all regions is where it was and they, turned in it, lie nearest to their contours, the
 /// nearest first; `pose` itself is none of them. Every `step`-th piece is read. Poses are about the problem's origin; none for
 /// regions in several planes.
-pub fn turned_poses(problem: &Problem, pose: &Pose, step: usize) -> Vec<Pose> {
-    let fixed = FixedMixture::new(problem.contours(), step);
+pub fn turned_poses(problem: &Problem, pose: &Pose, step: usize, budget: &Budget) -> Vec<Pose> {
+    let fixed = FixedMixture::new(problem.contours(), step, budget);
     turned_about(problem, pose, |pose| fixed.negative_log_density(pose), MAX_DEFICIT)
 }
 

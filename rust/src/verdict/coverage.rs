@@ -2,6 +2,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
+use crate::budget::Budget;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::overlap::{OverlapAreas, overlap_areas};
 use crate::geometry::pose::Pose;
@@ -15,10 +16,10 @@ use crate::view::chart::Chart;
 ///
 /// Of a region that reaches behind the camera, what lies before it is projected. What is projected beyond a region that has
 /// hidden edges may be what they hide, and does not count.
-pub fn region_overlap(observed: &RegionEquations, world: &WorldRegion, pose: &Pose) -> OverlapAreas {
+pub fn region_overlap(observed: &RegionEquations, world: &WorldRegion, pose: &Pose, budget: &Budget) -> OverlapAreas {
     let areas = match observed.border() {
-        Some(border) => cut_overlap(observed, border, world, pose),
-        None => overlap_areas(&unscaled(observed), &predicted(observed, world, pose)),
+        Some(border) => cut_overlap(observed, border, world, pose, budget),
+        None => overlap_areas(&unscaled(observed), &predicted(observed, world, pose), budget),
     };
     if observed.hides_edges() { OverlapAreas { only_predicted: 0.0, ..areas } } else { areas }
 }
@@ -52,16 +53,22 @@ fn projected_rings(chart: &Chart, world: &WorldRegion, pose: &Pose) -> Vec<Vec<V
 }
 
 /// The same of a region that the image's border cuts: the prediction is cut there too (`docs/math.md`, section 14).
-fn cut_overlap(observed: &RegionEquations, border: &Border, world: &WorldRegion, pose: &Pose) -> OverlapAreas {
+fn cut_overlap(
+    observed: &RegionEquations,
+    border: &Border,
+    world: &WorldRegion,
+    pose: &Pose,
+    budget: &Budget,
+) -> OverlapAreas {
     let chart = observed.chart();
-    let (predicted, _) = border.clipped(projected_rings(chart, world, pose));
+    let (predicted, _) = border.clipped(projected_rings(chart, world, pose), budget);
     let predicted = predicted.rings.iter().map(|ring| ring.iter().map(|p| p / chart.scale).collect());
-    overlap_areas(&unscaled(observed), &PlaneRings::of_simple(predicted.collect()))
+    overlap_areas(&unscaled(observed), &PlaneRings::of_simple(predicted.collect()), budget)
 }
 
 /// Area of the symmetric difference over the observed area, of all regions together and of each.
-pub fn overlap_errors(problem: &Problem, pose: &Pose) -> (f64, Vec<f64>) {
-    overlap_errors_of(&region_overlaps(problem, pose))
+pub fn overlap_errors(problem: &Problem, pose: &Pose, budget: &Budget) -> (f64, Vec<f64>) {
+    overlap_errors_of(&region_overlaps(problem, pose, budget))
 }
 
 pub(super) fn overlap_errors_of(areas: &[OverlapAreas]) -> (f64, Vec<f64>) {
@@ -70,7 +77,7 @@ pub(super) fn overlap_errors_of(areas: &[OverlapAreas]) -> (f64, Vec<f64>) {
 }
 
 /// Overlap of each projected region with the observed one.
-pub(super) fn region_overlaps(problem: &Problem, pose: &Pose) -> Vec<OverlapAreas> {
+pub(super) fn region_overlaps(problem: &Problem, pose: &Pose, budget: &Budget) -> Vec<OverlapAreas> {
     let pairs = problem.regions().iter().zip(problem.worlds());
-    pairs.map(|(region, world)| region_overlap(region, world, pose)).collect()
+    pairs.map(|(region, world)| region_overlap(region, world, pose, budget)).collect()
 }

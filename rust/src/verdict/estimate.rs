@@ -10,7 +10,7 @@ use super::hypothesis::{Hypothesis, solution};
 use super::ranking::{likely, stated};
 use super::solution::Solution;
 use super::warning::Warning;
-use crate::budget;
+use crate::budget::Budget;
 use crate::contour::fit::ContourFit;
 use crate::equations::information::validated_covariance;
 use crate::equations::least_squares::{Minimum, Termination};
@@ -71,10 +71,18 @@ impl Problem {
     /// # Errors
     /// [`Error::NoPose`] where no pose shows every region in its chart.
     pub fn estimate_with(&self, options: &Options) -> Result<Estimate> {
-        let search = self.search(options);
-        let solved = || search.candidates().iter().map(|candidate| search.solve_from(candidate)).collect();
-        let (minima, _) = budget::limited(self.most_work(), solved);
-        search.assess(minima)
+        self.estimate_within(options, &Budget::unlimited())
+    }
+
+    /// The same within a budget.
+    #[doc(hidden)]
+    pub fn estimate_within(&self, options: &Options, budget: &Budget) -> Result<Estimate> {
+        let search = self.search_within(options, budget);
+        let solved = |budget: &Budget| {
+            search.candidates().iter().map(|candidate| search.solve_within(candidate, budget)).collect()
+        };
+        let (minima, _) = budget.limited(self.most_work(), solved);
+        search.assess_within(minima, budget)
     }
 }
 
@@ -84,13 +92,19 @@ impl Search {
     /// # Errors
     /// [`Error::NoPose`] where no pose shows every region in its chart.
     pub fn assess(self, minima: Vec<Minimum>) -> Result<Estimate> {
+        self.assess_within(minima, &Budget::unlimited())
+    }
+
+    /// The same within a budget.
+    #[doc(hidden)]
+    pub fn assess_within(self, minima: Vec<Minimum>, budget: &Budget) -> Result<Estimate> {
         let evaluations = minima.iter().map(|minimum| minimum.evaluations).sum();
         let (Hypotheses { problem, hypotheses, samples_unused }, exhausted) =
-            budget::limited(self.problem.most_work(), || self.all_hypotheses(minima));
+            budget.limited(self.problem.most_work(), |budget| self.all_hypotheses(minima, budget));
         let problem = &*problem;
-        let hypotheses = stated(likely(problem, hypotheses, &self.options.prior), &self.options.prior);
+        let hypotheses = stated(likely(problem, hypotheses, &self.options.prior, budget), &self.options.prior);
         let (best, _) = hypotheses.first().ok_or(Error::NoPose)?;
-        let evidence = best.evidence(problem, hypotheses.len() > 1);
+        let evidence = best.evidence(problem, hypotheses.len() > 1, budget);
         let noise = match (&best.posterior, &best.minimum) {
             (Some(posterior), _) => posterior.noise.label,
             (None, Some(minimum)) => problem.noise_variance(minimum.cost).sqrt(),
@@ -98,7 +112,8 @@ impl Search {
         };
         let probability = evidence.probability();
         let mut solutions = hypotheses.into_iter().map(|(hypothesis, stated)| {
-            solution(problem, hypothesis, stated.map(|share| probability * share), &self.options.frame_sigma)
+            let stated = stated.map(|share| probability * share);
+            solution(problem, hypothesis, stated, &self.options.frame_sigma, budget)
         });
         let best = solutions.next().ok_or(Error::NoPose)?;
         let alternatives: Vec<Solution> = solutions.collect();
@@ -106,7 +121,7 @@ impl Search {
         let unused = samples_unused.then_some(Warning::SamplesUnused);
         let warnings = warnings(problem, &best, &alternatives, &evidence, &self.options, ended);
         let warnings = unused.into_iter().chain(warnings).collect();
-        let creases = if best.posterior.is_some() { self.creases(&best.pose) } else { Vec::new() };
+        let creases = if best.posterior.is_some() { self.creases(&best.pose, budget) } else { Vec::new() };
         let (distance, pixel_angle) = (self.problem.distance(&best.pose), self.problem.pixel_angle());
         Ok(Estimate {
             best,
@@ -122,22 +137,21 @@ impl Search {
     }
 
     /// The visible part of each crease at a pose.
-    fn creases(&self, pose: &Pose) -> Vec<([usize; 2], [Vector3<f64>; 2])> {
-        let creases = self.problem.creases();
+    fn creases(&self, pose: &Pose, budget: &Budget) -> Vec<([usize; 2], [Vector3<f64>; 2])> {
+        let creases = self.problem.creases(budget);
         creases.iter().map(|crease| (crease.regions, self.problem.crease_segment(crease, pose))).collect()
     }
 
     /// The hypotheses: where regions have samples, modes of their posterior about the hypotheses of the outlines.
-    fn all_hypotheses(&self, minima: Vec<Minimum>) -> Hypotheses<'_> {
-        let hypotheses = self.hypotheses(minima);
+    fn all_hypotheses(&self, minima: Vec<Minimum>, budget: &Budget) -> Hypotheses<'_> {
+        let hypotheses = self.hypotheses(minima, budget);
         let starts: Vec<Pose> =
             hypotheses.iter().map(|hypothesis| hypothesis.fit.pose).chain(self.starts.iter().copied()).collect();
         let mut problem = Cow::Borrowed(&self.problem);
         while !problem.sampled().is_empty() {
-            let sampled = self.sample_hypotheses(&problem, &starts);
-            let Some(informative) =
-                problem.with_informative_samples_at(&sampled.iter().filter_map(Hypothesis::answer).collect::<Vec<_>>())
-            else {
+            let sampled = self.sample_hypotheses(&problem, &starts, budget);
+            let answers: Vec<_> = sampled.iter().filter_map(Hypothesis::answer).collect();
+            let Some(informative) = problem.with_informative_samples_at(&answers, budget) else {
                 // Without a mode, the hypotheses are those of the outlines, and regions are compared by these.
                 return match sampled.is_empty() {
                     true => {
@@ -152,9 +166,9 @@ impl Search {
     }
 
     /// The modes of the samples' posterior about starts.
-    fn sample_hypotheses(&self, problem: &Problem, starts: &[Pose]) -> Vec<Hypothesis> {
+    fn sample_hypotheses(&self, problem: &Problem, starts: &[Pose], budget: &Budget) -> Vec<Hypothesis> {
         let hypothesis = |posterior: Posterior| {
-            let fit = ContourFit::at(problem.contours(), &posterior.pose, problem.coarse_stride())?;
+            let fit = ContourFit::at(problem.contours(), &posterior.pose, problem.coarse_stride(), budget)?;
             let (pose, covariance) = (problem.uncentered(&posterior.pose), validated_covariance(&posterior.covariance));
             Some(Hypothesis {
                 posterior: Some(posterior),
@@ -162,18 +176,18 @@ impl Search {
                 ..Hypothesis::new(pose, None, fit)
             })
         };
-        problem.posteriors(starts, &self.options.prior).into_iter().filter_map(hypothesis).collect()
+        problem.posteriors(starts, &self.options.prior, budget).into_iter().filter_map(hypothesis).collect()
     }
 
     /// The hypotheses of the outlines, those that fit best first.
-    fn hypotheses(&self, minima: Vec<Minimum>) -> Vec<Hypothesis> {
+    fn hypotheses(&self, minima: Vec<Minimum>, budget: &Budget) -> Vec<Hypothesis> {
         let (problem, contours) = (&self.problem, self.problem.contours());
         // A few pieces show whether a single pose fits cleanly.
         let few = if minima.len() > 1 { 1 } else { problem.coarse_stride() };
         let minima = minima.into_iter().filter_map(|minimum| {
             let pose = problem.centered(&minimum.pose);
-            let fit = ContourFit::at(contours, &pose, few)?;
-            let fit = if few > 1 && !fit.is_clean() { ContourFit::at(contours, &pose, 1)? } else { fit };
+            let fit = ContourFit::at(contours, &pose, few, budget)?;
+            let fit = if few > 1 && !fit.is_clean() { ContourFit::at(contours, &pose, 1, budget)? } else { fit };
             Some(Hypothesis::new(minimum.pose, Some(minimum), fit))
         });
         let refined = match &self.found {

@@ -8,6 +8,7 @@ use super::confidence::Evidence;
 use super::coverage::{overlap_errors_of, region_overlaps};
 use super::frame_error::{RegionFactor, focal_shift, with_frame_error};
 use super::solution::Solution;
+use crate::budget::Budget;
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
 use crate::contour::region_preference::RegionPreference;
@@ -50,19 +51,19 @@ impl Hypothesis {
     }
 
     /// Covariance by the samples, or else by the contours.
-    pub(super) fn covariance(&self, problem: &Problem) -> &Matrix6<f64> {
-        self.covariance.get_or_init(|| covariance(problem.contours(), &self.fit))
+    pub(super) fn covariance(&self, problem: &Problem, budget: &Budget) -> &Matrix6<f64> {
+        self.covariance.get_or_init(|| covariance(problem.contours(), &self.fit, budget))
     }
 
     /// Overlap of each projected region with the observed one.
-    fn overlaps(&self, problem: &Problem) -> &[OverlapAreas] {
-        self.overlaps.get_or_init(|| region_overlaps(problem, &self.pose))
+    fn overlaps(&self, problem: &Problem, budget: &Budget) -> &[OverlapAreas] {
+        self.overlaps.get_or_init(|| region_overlaps(problem, &self.pose, budget))
     }
 
     /// The factor of each region on the left increment: of its samples, or of its contour where it has none.
-    fn region_factors(&self, problem: &Problem) -> Vec<RegionFactor> {
+    fn region_factors(&self, problem: &Problem, budget: &Budget) -> Vec<RegionFactor> {
         let none = || vec![Gaussian::default(); problem.worlds().len()];
-        let mut factors = self.fit.region_gaussians(problem.contours()).unwrap_or_else(none);
+        let mut factors = self.fit.region_gaussians(problem.contours(), budget).unwrap_or_else(none);
         let mut is_scanned = vec![false; factors.len()];
         if let Some(posterior) = &self.posterior {
             for region in problem.sampled() {
@@ -99,8 +100,8 @@ impl Hypothesis {
     }
 
     /// Features of the fit for the confidence; `ambiguous` where others fit as well.
-    pub(super) fn evidence(&self, problem: &Problem, ambiguous: bool) -> Evidence {
-        let (covariance, overlaps) = (self.covariance(problem), self.overlaps(problem));
+    pub(super) fn evidence(&self, problem: &Problem, ambiguous: bool, budget: &Budget) -> Evidence {
+        let (covariance, overlaps) = (self.covariance(problem, budget), self.overlaps(problem, budget));
         match &self.posterior {
             Some(posterior) => {
                 let unseen = |region: &SampledRegion| overlaps[region.index()].uncovered();
@@ -125,11 +126,12 @@ pub(super) fn solution(
     hypothesis: Hypothesis,
     [mode_probability, confidence]: [f64; 2],
     frame_sigma: &FrameSigma,
+    budget: &Budget,
 ) -> Solution {
-    let (noise, factors) = (hypothesis.covariance(problem), hypothesis.region_factors(problem));
+    let (noise, factors) = (hypothesis.covariance(problem, budget), hypothesis.region_factors(problem, budget));
     let focal_shift = focal_shift(noise, &factors);
     let covariance = with_frame_error(noise, &factors, &focal_shift, problem.pixel_angle(), frame_sigma);
-    let (overlap_error, region_overlap_errors) = overlap_errors_of(hypothesis.overlaps(problem));
+    let (overlap_error, region_overlap_errors) = overlap_errors_of(hypothesis.overlaps(problem, budget));
     let Hypothesis { pose, minimum, fit, posterior, .. } = hypothesis;
     Solution {
         pose,

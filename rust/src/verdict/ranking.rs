@@ -2,6 +2,7 @@
 
 use super::hypothesis::Hypothesis;
 use super::mode_probability::{mode_probabilities, probability_near};
+use crate::budget::Budget;
 use crate::contour::degrees_of_freedom::residual_dof;
 use crate::contour::fit::AMBIGUITY;
 use crate::contour::region_preference::RegionPreference;
@@ -20,7 +21,12 @@ const TIE: f64 = 0.6;
 /// eq. 10.6).
 ///
 /// An initial pose without an uncertainty chooses the first among them.
-pub(super) fn likely(problem: &Problem, hypotheses: Vec<Hypothesis>, prior: &Prior) -> Vec<Hypothesis> {
+pub(super) fn likely(
+    problem: &Problem,
+    hypotheses: Vec<Hypothesis>,
+    prior: &Prior,
+    budget: &Budget,
+) -> Vec<Hypothesis> {
     let [first, _, ..] = hypotheses.as_slice() else { return hypotheses };
     let first = first.clone();
     let numbers = residual_dof(problem.contours(), 1);
@@ -29,7 +35,8 @@ pub(super) fn likely(problem: &Problem, hypotheses: Vec<Hypothesis>, prior: &Pri
         let behind = MAX_PENALTY * problem.seen_from_behind(&hypothesis.pose).len() as f64;
         // The evidence of samples holds the prior already.
         let weighed = hypothesis.posterior.is_none() && prior.max_penalty() > 0.0;
-        let unlikely = if weighed { prior.penalty(&hypothesis.pose, hypothesis.covariance(problem)) } else { 0.0 };
+        let penalty = || prior.penalty(&hypothesis.pose, hypothesis.covariance(problem, budget));
+        let unlikely = if weighed { penalty() } else { 0.0 };
         (if worse.abs() <= TIE { 0.0 } else { worse }) + unlikely + behind
     };
     let mut hypotheses = by_deviance(

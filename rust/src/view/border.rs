@@ -4,6 +4,7 @@ use std::cell::Cell;
 
 use nalgebra::{Vector2, Vector3};
 
+use crate::budget::Budget;
 use crate::error::{Error, Result};
 use crate::geometry::clipping::{Clipped, Window, holds};
 use crate::geometry::edge_boxes::EdgeBoxes;
@@ -42,7 +43,13 @@ impl Border {
     ///
     /// # Errors
     /// When hardly any of the outline lies elsewhere, or the border bends out of the chart.
-    pub fn of(lines: &[Vec<Bearing>], chart: &Chart, outline: &PlaneRings, pixel: f64) -> Result<Option<Self>> {
+    pub fn of(
+        lines: &[Vec<Bearing>],
+        chart: &Chart,
+        outline: &PlaneRings,
+        pixel: f64,
+        budget: &Budget,
+    ) -> Result<Option<Self>> {
         let mut lines = projected_lines("border", lines, chart)?;
         for (line, points) in lines.iter_mut().enumerate() {
             // A line is extended beyond its ends along its last two points, which must differ.
@@ -51,7 +58,7 @@ impl Border {
                 return Err(Error::ShortLine { item: "border", line, found: points.len() });
             }
         }
-        let on_border = edges_along(&lines, outline, pixel);
+        let on_border = edges_along(&lines, outline, pixel, budget);
         let flat = || on_border.iter().flatten().copied();
         if !flat().any(|on_border| on_border) {
             return Ok(None);
@@ -82,12 +89,12 @@ impl Border {
 
     /// The visible part of a region's rings in the chart, and the side from which they are seen: -1 from behind, where
     /// they turn the other way and are turned round.
-    pub fn clipped(&self, mut rings: Vec<Vec<Vector2<f64>>>) -> (Clipped, f64) {
+    pub fn clipped(&self, mut rings: Vec<Vec<Vector2<f64>>>, budget: &Budget) -> (Clipped, f64) {
         let behind = rings.iter().map(|ring| signed_area(ring)).sum::<f64>() < 0.0;
         if behind {
             rings.iter_mut().for_each(|ring| ring.reverse());
         }
-        (self.visible.shared_with(&rings), if behind { -1.0 } else { 1.0 })
+        (self.visible.shared_with(&rings, budget), if behind { -1.0 } else { 1.0 })
     }
 }
 
@@ -134,8 +141,9 @@ pub fn foreign_edges(
     chart: &Chart,
     outline: &PlaneRings,
     pixel: f64,
+    budget: &Budget,
 ) -> Result<(Vec<Vec<bool>>, bool)> {
-    let mut foreign = edges_along(&projected_lines("hidden", hidden, chart)?, outline, pixel);
+    let mut foreign = edges_along(&projected_lines("hidden", hidden, chart)?, outline, pixel, budget);
     let any_hidden = foreign.iter().flatten().any(|&hidden| hidden);
     for (edges, on_border) in foreign.iter_mut().zip(border.map_or(&[][..], Border::on_border)) {
         edges.iter_mut().zip(on_border).for_each(|(foreign, &on_border)| *foreign |= on_border);
@@ -152,7 +160,7 @@ pub fn foreign_edges(
 }
 
 /// Whether each edge of an outline lies along one of the lines, ring by ring.
-fn edges_along(lines: &[Vec<Vector2<f64>>], outline: &PlaneRings, pixel: f64) -> Vec<Vec<bool>> {
+fn edges_along(lines: &[Vec<Vector2<f64>>], outline: &PlaneRings, pixel: f64, budget: &Budget) -> Vec<Vec<bool>> {
     let ends = lines.iter().flat_map(|line| line.windows(2)).map(|ends| [ends[0], ends[1]]);
     let (edges, within) = (EdgeBoxes::new(ends.collect()), ON_BORDER * pixel);
     let near = |p: &Vector2<f64>| {
@@ -160,6 +168,7 @@ fn edges_along(lines: &[Vec<Vector2<f64>>], outline: &PlaneRings, pixel: f64) ->
         edges.for_each_near(
             |[low, high]| !found.get() && (0..2).all(|k| low[k] - within <= p[k] && p[k] <= high[k] + within),
             |_, ends| found.set(found.get() || distance(ends, p) < within),
+            budget,
         );
         found.get()
     };

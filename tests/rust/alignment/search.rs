@@ -16,7 +16,7 @@ use regionpose::internals::alignment::projection::Projection;
 use regionpose::internals::alignment::search::{
     SearchOptions, SearchProgress, distinct_poses, search, search_with_progress,
 };
-use regionpose::internals::budget;
+use regionpose::internals::budget::{Budget, Cancel};
 use regionpose::internals::geometry::pose::Tangent;
 use regionpose::{Error, Pose, PoseSigma, Prior};
 
@@ -187,7 +187,7 @@ fn found(frames: &[Frame], starts: &[Pose], draws: usize) -> Vec<Mode> {
 /// How far the edges are from where a pose has them, pixels: a root mean square.
 fn pixels_off(frame: &Frame, pose: &Pose) -> f64 {
     let increment = truth().local_coordinates(pose);
-    let (squares, _) = frame.visible_edges(&truth(), FINEST).square_moves(&truth());
+    let (squares, _) = frame.visible_edges(&truth(), FINEST, &Budget::unlimited()).square_moves(&truth());
     increment.dot(&(squares * increment)).sqrt()
 }
 
@@ -211,7 +211,7 @@ fn assert_finite(modes: &[Mode]) {
 /// Poses that the widest spread distinguishes of those about the true one.
 fn distinct_about_truth(frames: &[Frame], rotation: f64, place: f64) -> f64 {
     let prior = Prior::default().with_initial(truth(), Some(PoseSigma { rotation, place })).unwrap();
-    distinct_poses(frames, &PoseDensity::of_prior(&prior).unwrap(), Some(2)).unwrap()
+    distinct_poses(frames, &PoseDensity::of_prior(&prior).unwrap(), Some(2), &Budget::unlimited()).unwrap()
 }
 
 /// In the limits: one pose of a narrow prior, and a volume that grows with the product of all deviations.
@@ -221,7 +221,7 @@ fn distinct_poses_are_a_volume_of_the_prior() {
     let narrow = distinct_about_truth(&frames[..1], 1e-4, 1e-4);
     assert!(narrow > 1.0 && narrow < 1.001, "{narrow}");
     // Of what the photo sees at the true pose: directions in which edges move by sigma times their derivative.
-    let (squares, _) = frames[0].visible_edges(&truth(), 0).square_moves(&truth());
+    let (squares, _) = frames[0].visible_edges(&truth(), 0, &Budget::unlimited()).square_moves(&truth());
     let sigmas = Vector6::new(0.02, 0.02, 0.02, 0.05, 0.05, 0.05);
     let scaled = Matrix6::from_fn(|row, column| squares[(row, column)] * sigmas[row] * sigmas[column]);
     let expected = (Matrix6::identity() + scaled / SPREADS_PX[0].powi(2)).determinant().sqrt();
@@ -241,13 +241,15 @@ fn a_maximum_by_given_weights_is_that_of_the_search() {
     let beside = |turn: f64| truth().retract(&Vector6::new(0.0, turn, 0.0, 0.02, 0.0, 0.0));
     let found = search(frames, &density, &[beside(0.003)], &SearchOptions { draws: 0, ..OPTIONS }).unwrap()[0];
     for at in [beside(0.003), beside(0.02)] {
-        let mode = LocalWeights::about(frames, &at).maximum(frames, &density, &beside(0.003)).unwrap();
+        let mode = LocalWeights::about(frames, &at, &Budget::unlimited())
+            .maximum(frames, &density, &beside(0.003), &Budget::unlimited())
+            .unwrap();
         assert!((mode.log_mass / found.log_mass - 1.0).abs() < 0.3, "{} {}", mode.log_mass, found.log_mass);
         assert!(pixels_off(&FRAMES[0], &mode.pose) < 1.5 && mode.edges == found.edges, "{mode:?}");
     }
     let none = frames[0].with_edges(&nothing());
-    let weights = LocalWeights::about(std::slice::from_ref(&none), &truth());
-    assert_eq!(weights.maximum(&[none], &density, &truth()).unwrap().edges, 0);
+    let weights = LocalWeights::about(std::slice::from_ref(&none), &truth(), &Budget::unlimited());
+    assert_eq!(weights.maximum(&[none], &density, &truth(), &Budget::unlimited()).unwrap().edges, 0);
 }
 
 /// Edges within the field of a camera are those of the whole cloud there, as dense as these are.
@@ -267,8 +269,10 @@ fn edges_within_a_field_are_those_of_the_whole_cloud() {
     assert!(within.len() < whole.len() / 2 && !within.is_empty());
     let frame = &FRAMES[0];
     for spread in 0..SPREADS {
-        let (of_whole, of_within) =
-            (frame.log_ratio(&truth(), spread), frame.with_edges(&within).log_ratio(&truth(), spread));
+        let (of_whole, of_within) = (
+            frame.log_ratio(&truth(), spread, &Budget::unlimited()),
+            frame.with_edges(&within).log_ratio(&truth(), spread, &Budget::unlimited()),
+        );
         // As many of both are drawn, but not the same ones.
         let (few, many) = (of_whole.1.min(of_within.1) as f64, of_whole.1.max(of_within.1) as f64);
         assert!(many - few < 4.0 * many.sqrt(), "{few} {many}");
@@ -298,7 +302,8 @@ fn the_pose_is_found_from_no_heading() {
         for (number, mode) in modes.iter().enumerate() {
             let apart = modes[..number].iter().map(|other| {
                 let way = other.pose.local_coordinates(&mode.pose);
-                let (squares, _) = frame.visible_edges(&other.pose, FINEST).square_moves(&other.pose);
+                let (squares, _) =
+                    frame.visible_edges(&other.pose, FINEST, &Budget::unlimited()).square_moves(&other.pose);
                 way.dot(&(squares * way)).sqrt() / SPREADS_PX[FINEST]
             });
             assert!(apart.fold(f64::INFINITY, f64::min) > 0.49, "{number} is there already");
@@ -317,7 +322,10 @@ fn another_place_adds_information_and_the_same_one_again_does_not() {
     assert!((copies.log_mass - alone.log_mass).abs() < 2.5, "{} {}", copies.log_mass, alone.log_mass);
     let volume = log_volume(&copies) - log_volume(&alone);
     assert!(volume.abs() < 1.0, "{volume}");
-    assert_eq!(copies.edges / 2, one.visible_edges(&copies.pose, FINEST).square_moves(&copies.pose).1);
+    assert_eq!(
+        copies.edges / 2,
+        one.visible_edges(&copies.pose, FINEST, &Budget::unlimited()).square_moves(&copies.pose).1
+    );
     assert!(both.log_mass > alone.log_mass.max(elsewhere.log_mass), "{} {}", both.log_mass, alone.log_mass);
     assert!(deviations(&both) < 4.0, "{}", deviations(&both));
     let (volume, mean) = (log_volume(&both), 0.5 * (log_volume(&alone) + log_volume(&elsewhere)));
@@ -353,7 +361,8 @@ fn all_of_the_work_is_counted_however_little_is_left_to_do() {
     for (draws, starts) in [(300, vec![]), (0, vec![truth(), truth()]), (0, vec![])] {
         let (options, progress) = (SearchOptions { draws, kept: [20, 10, 5], ..OPTIONS }, SearchProgress::default());
         assert!(progress.fraction() < 1e-12);
-        search_with_progress(&FRAMES[..1], &near_density(), &starts, &options, &progress).unwrap();
+        search_with_progress(&FRAMES[..1], &near_density(), &starts, &options, &progress, &Budget::unlimited())
+            .unwrap();
         assert!((progress.fraction() - 1.0).abs() < 1e-12, "{}", progress.fraction());
     }
 }
@@ -364,17 +373,14 @@ fn a_canceled_search_ends_soon() {
     let options = SearchOptions { draws: 800, kept: [100, 40, 10], threads: Some(1) };
     let work = |most: usize| {
         let asked = Arc::new(AtomicUsize::new(0));
-        let counted = std::cell::Cell::new(0);
-        let stop: budget::Cancel = {
+        let stop: Cancel = {
             let asked = asked.clone();
             Arc::new(move || asked.fetch_add(1, Ordering::Relaxed) >= most)
         };
-        let answer = budget::cancellable(stop, || {
-            let (answer, count) = budget::measured(|| search(&FRAMES[..1], &near_density(), &[], &options).unwrap());
-            counted.set(count);
-            answer
-        });
-        (answer.is_some(), counted.get(), asked.load(Ordering::Relaxed))
+        let budget = Budget::cancellable(stop);
+        let progress = SearchProgress::default();
+        search_with_progress(&FRAMES[..1], &near_density(), &[], &options, &progress, &budget).unwrap();
+        (!budget.is_canceled(), budget.charged(), asked.load(Ordering::Relaxed))
     };
     let (is_whole, whole, asked) = work(usize::MAX);
     assert!(is_whole && asked > 10, "{asked}");
@@ -415,8 +421,9 @@ fn slopes_of_sums_are_their_derivatives() {
     let frame = &FRAMES[0];
     let pose = truth().retract(&Vector6::new(0.01, 0.02, -0.01, 0.03, 0.1, -0.05));
     for spread in 0..SPREADS {
-        let seen = frame.visible_edges(&pose, spread);
-        let (sum, count) = frame.log_ratio(&pose, spread);
+        let budget = Budget::unlimited();
+        let seen = frame.visible_edges(&pose, spread, &budget);
+        let (sum, count) = frame.log_ratio(&pose, spread, &budget);
         let (same, _) = seen.log_ratio(&pose, 0.0);
         assert!((sum - same).abs() < 1e-3 * count as f64, "{sum} {same}");
         assert_eq!(seen.square_moves(&pose).1, count);
@@ -440,7 +447,8 @@ fn slopes_of_sums_are_their_derivatives() {
 #[test]
 fn moves_of_edges_are_those_of_their_pixels() {
     let frame = &FRAMES[0];
-    let seen = frame.visible_edges(&truth(), FINEST);
+    let budget = Budget::unlimited();
+    let seen = frame.visible_edges(&truth(), FINEST, &budget);
     let (squares, _) = seen.square_moves(&truth());
     let (before, directions) = seen.pixels(&truth());
     assert_eq!(before.len(), directions.len());
@@ -469,8 +477,8 @@ fn edges_without_weight_leave_the_prior() {
     for weight in [Weight::Tempered(0.0), Weight::Standardized { offset: -0.1, scale: 0.0 }] {
         let posterior = Posterior { frames: &FRAMES[..1], weights: vec![weight], spread: FINEST, density: &density };
         let start = truth().retract(&Vector6::new(0.03, 0.0, 0.02, 0.2, 0.1, 0.0));
-        assert!((posterior.log_density(&start) - density.at(&start).value).abs() < 1e-9);
-        let (pose, value) = posterior.maximum(&start);
+        assert!((posterior.log_density(&start, &Budget::unlimited()) - density.at(&start).value).abs() < 1e-9);
+        let (pose, value) = posterior.maximum(&start, &Budget::unlimited());
         assert!((value - density.at(&pose).value).abs() < 1e-9);
         let up = Rotation3::rotation_between(&Vector3::z(), &-Vector3::y()).unwrap();
         assert!(density.at(&Pose::new(up, Vector3::zeros())).value - value < 0.02, "{value}");

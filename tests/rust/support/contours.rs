@@ -1,6 +1,7 @@
 //! What the contours of a problem show at a pose, and outlines with mistakes in them.
 
 use nalgebra::{Rotation3, Unit, Vector2, Vector3};
+use regionpose::internals::budget::Budget;
 use regionpose::internals::contour::readings::Reading;
 use regionpose::internals::geometry::pose::Tangent;
 use regionpose::{ObservedRegion, Pose, Problem};
@@ -12,7 +13,7 @@ use super::scene::{FOCAL, Scene, SpaceRing};
 pub fn readings(problem: &Problem, pose: &Pose) -> Option<Vec<Reading>> {
     let mut readings = Vec::new();
     for contour in problem.contours() {
-        contour.read(&problem.centered(pose), 1, &mut readings)?;
+        contour.read(&problem.centered(pose), 1, &mut readings, &Budget::unlimited())?;
     }
     Some(readings)
 }
@@ -27,14 +28,14 @@ pub fn rows(problem: &Problem, pose: &Pose) -> Vec<(Reading, Tangent)> {
     let mut rows = Vec::new();
     for contour in problem.contours() {
         let (pose, mut readings) = (problem.centered(pose), Vec::new());
-        contour.read(&pose, 1, &mut readings).unwrap();
+        contour.read(&pose, 1, &mut readings, &Budget::unlimited()).unwrap();
         let back = contour.axes().inverse();
         let turned = |derivative: Tangent| {
             let [turning, moving] = [0, 3].map(|first| back * derivative.fixed_rows::<3>(first));
             Tangent::new(turning.x, turning.y, turning.z, moving.x, moving.y, moving.z)
         };
         let push = |reading, derivative, _| rows.push((reading, turned(derivative)));
-        contour.for_each_row(&pose, 1, Some(&readings), 0.0, push).unwrap();
+        contour.for_each_row(&pose, 1, Some(&readings), 0.0, push, &Budget::unlimited()).unwrap();
     }
     rows
 }

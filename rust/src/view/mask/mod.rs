@@ -13,6 +13,7 @@ use std::ops::Range;
 
 use nalgebra::Vector2;
 
+use crate::budget::Budget;
 use crate::error::{Error, Result};
 use crate::geometry::rings::PlaneRings;
 use scan::Scan;
@@ -48,7 +49,8 @@ impl MaskContours {
         if traced.is_empty() {
             return Err(Error::EmptyMask);
         }
-        let thinned = traced.iter().map(|ring| thinning::thinned(ring)).collect();
+        let budget = Budget::unlimited();
+        let thinned = traced.iter().map(|ring| thinning::thinned(ring, &budget)).collect();
         // Rings that nearly touch may cross once vertices between them are gone.
         let rings = PlaneRings::new(thinned).or_else(|_| PlaneRings::new(open(traced)))?;
         Ok(Self { rings, rows, columns, binary })
