@@ -11,6 +11,9 @@ from PIL import Image
 from regionpose.io.outputs.whole_file import whole_file
 from regionpose.validation.arrays import checked_image
 
+COMPRESSION = 3
+"""Of zlib. Measured: a picture over the demo's photo takes a third of the time of the usual 6, a tenth more bytes."""
+
 
 def save_png(path: str | os.PathLike[str], picture: ArrayLike, *, overwrite: bool = False) -> Path:
     """Write a picture (h, w, 3) or (h, w) as PNG, whole or not at all, and return its path.
@@ -19,5 +22,5 @@ def save_png(path: str | os.PathLike[str], picture: ArrayLike, *, overwrite: boo
     """
     page = Image.fromarray(checked_image(picture))
     with whole_file(Path(path), overwrite=overwrite) as file:
-        page.save(file, format="PNG")
+        page.save(file, format="PNG", compress_level=COMPRESSION)
     return Path(path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 import shapely
@@ -62,7 +63,13 @@ def _edges(camera: Camera, image: ImageRegion) -> tuple[shapely.MultiLineString,
     """Edges of the contour that are the region's own, and those that are not."""
     edges = np.concatenate([np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in image.rings])
     marks = np.concatenate(image.excluded_edges(camera))
-    return shapely.MultiLineString(list(edges[~marks])), shapely.MultiLineString(list(edges[marks]))
+    return _lines(edges[~marks]), _lines(edges[marks])
+
+
+def _lines(edges: Array) -> shapely.MultiLineString:
+    """Edges (n, 2, 2) as one geometry."""
+    each = np.atleast_1d(shapely.linestrings(edges))
+    return cast(shapely.MultiLineString, shapely.multilinestrings(each))
 
 
 def _informative(pixels: Array, own: shapely.MultiLineString, foreign: shapely.MultiLineString) -> Array:
