@@ -68,7 +68,7 @@ def _edges(camera: Camera, image: ImageRegion) -> tuple[shapely.MultiLineString,
 
 def _lines(edges: Array) -> shapely.MultiLineString:
     """Edges (n, 2, 2) as one geometry."""
-    each = np.atleast_1d(shapely.linestrings(edges))
+    each = cast(NDArray[np.object_], shapely.linestrings(edges))
     return cast(shapely.MultiLineString, shapely.multilinestrings(each))
 
 
