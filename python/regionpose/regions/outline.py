@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -13,7 +14,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import minimum_spanning_tree
+from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 from scipy.spatial import Delaunay, QhullError
 
 from regionpose import _core
@@ -292,18 +293,12 @@ def bridging_radius(points: Array) -> float:
 
 def _bridging_gap(count: int, first: NDArray[np.int32], second: NDArray[np.int32], lengths: Array) -> float:
     """The shortest edge of a spanning tree up to which one part holds the connected fraction of the points."""
-    parent, size = np.arange(count), np.ones(count, dtype=np.int64)
+    order = np.argsort(lengths, kind="stable")
 
-    def root(node: int) -> int:
-        while parent[node] != node:
-            parent[node] = parent[parent[node]]
-            node = int(parent[node])
-        return node
+    def is_connected(last: int) -> bool:
+        kept = order[: last + 1]
+        graph = csr_array((np.ones(len(kept)), (first[kept], second[kept])), shape=(count, count))
+        _, parts = connected_components(graph, directed=False)
+        return bool(np.bincount(parts).max() >= CONNECTED_FRACTION * count)
 
-    for edge in np.argsort(lengths, kind="stable"):
-        a, b = root(int(first[edge])), root(int(second[edge]))
-        parent[a] = b
-        size[b] += size[a]
-        if size[b] >= CONNECTED_FRACTION * count:
-            return float(lengths[edge])
-    return float(lengths.max())
+    return float(lengths[order[bisect_left(range(len(order) - 1), True, key=is_connected)]])
