@@ -31,7 +31,7 @@ def check_alignment(camera: Camera, frame: Frame, pose: Pose) -> Alignment:
     """How well photo and cloud agree at a pose, however it was found.
 
     Edges of the points' depth and intensity as the camera would see them, against edges of the photo; and whether
-    points stand before the regions that the photo shows. The photo's edges are found once for calls with the same frame
+    points stand before the regions that the photo shows. The photo's edges are found once for calls with the same photo
     one after the other.
 
     Parameters

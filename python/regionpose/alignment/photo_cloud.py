@@ -13,6 +13,8 @@ from regionpose.alignment.views import checked_intensity, checked_points
 from regionpose.cameras import Camera
 from regionpose.solve.core_inputs import check_camera
 from regionpose.solve.frame import Frame
+from regionpose.validation.arrays import checked_image
+from regionpose.validation.content import Content
 
 Array = NDArray[np.float64]
 
@@ -39,7 +41,7 @@ class PhotoCloud:
             raise ValueError(f"{frame.name or 'frame'} has no {missing}; needed image and points")
         try:
             check_camera(camera, frame.image_regions)
-            photo = _photo_of(frame)
+            photo = _photo_of(Content.of(checked_image(frame.image)))
             camera.check_size(photo.shape)
             points = checked_points(frame.points)
             return cls(camera, frame, photo, points, checked_intensity(frame.intensity, points))
@@ -48,9 +50,8 @@ class PhotoCloud:
 
 
 @lru_cache(maxsize=1)
-def _photo_of(frame: Frame) -> Photo:
-    """The photo of a frame. That of the last one is kept: its edge likelihoods are the same for all poses that are
-    checked.
+def _photo_of(image: Content[np.uint8]) -> Photo:
+    """The photo of an image. That of the last one is kept: its edge likelihoods are the same for all poses that are
+    checked, and for all regions in it.
     """
-    assert frame.image is not None
-    return Photo.of(frame.image)
+    return Photo.of(image.array)

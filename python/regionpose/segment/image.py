@@ -6,10 +6,8 @@ outline at full resolution, placed by how the colors of both sides mix in each p
 
 from __future__ import annotations
 
-import hashlib
-from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Literal, Self, overload
+from typing import Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +18,7 @@ from skimage.morphology import disk, reconstruction
 
 from regionpose.segment.outlining import Growth, Reduced, as_bytes, outlined
 from regionpose.validation.arrays import Array, checked_levels, sample_bits
+from regionpose.validation.content import Content
 
 Floats = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
@@ -132,7 +131,7 @@ def grow_image_region(
     given = _checked_image(image)
     seed_place = _checked_seed(seed, given.shape)
     tolerance, smoothing = _checked_option("tolerance", tolerance), _checked_option("smoothing_px", smoothing_px)
-    reduced = _reduced_photo(_Photo.of(given), smoothing)
+    reduced = _reduced_photo(Content.of(given), smoothing)
     growth = _grown(reduced, seed_place, tolerance)
     closer = _surroundings(growth.mask, reduced.factor, given.shape)
     if reduced.factor > 1 and given[closer].size <= CLOSER_FRACTION * given.size:
@@ -154,7 +153,7 @@ def stable_tolerances(image: ArrayLike, seed: ArrayLike, *, most: int) -> list[t
     """
     given = _checked_image(image)
     x, y = _checked_seed(seed, given.shape)
-    reduced = _reduced_photo(_Photo.of(given), None)
+    reduced = _reduced_photo(Content.of(given), None)
     growth = _grown(reduced, (x, y), None)
     steps, scores = _stepped(reduced.lab, _start(reduced, (x, y)), growth.color)
     areas = np.cumsum(np.bincount(steps.ravel(), minlength=len(scores) + 1))[: len(scores)]
@@ -167,25 +166,10 @@ def stable_tolerances(image: ArrayLike, seed: ArrayLike, *, most: int) -> list[t
     return [(float(step * TOLERANCE_STEP), float(areas[step] / areas[own])) for step in sorted(kept)]
 
 
-@dataclass(frozen=True)
-class _Photo:
-    """An image that is the same as another one of the same values."""
-
-    digest: bytes
-    image: NDArray[np.generic] = field(compare=False)
-
-    @classmethod
-    def of(cls, image: NDArray[np.generic]) -> Self:
-        """Of a checked image."""
-        digest = hashlib.sha256(repr((image.shape, image.dtype.str)).encode())
-        digest.update(np.ascontiguousarray(image).data)
-        return cls(digest.digest(), image)
-
-
 @lru_cache(maxsize=1)
-def _reduced_photo(photo: _Photo, smoothing: float | None) -> Reduced:
+def _reduced_photo(photo: Content[np.generic], smoothing: float | None) -> Reduced:
     """A whole image, reduced once for all seeds in it: that takes longer than to grow a region."""
-    return _reduced(photo.image, smoothing)
+    return _reduced(photo.array, smoothing)
 
 
 def _surroundings(mask: Mask, factor: int, shape: tuple[int, ...]) -> Window:
