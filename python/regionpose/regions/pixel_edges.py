@@ -77,13 +77,12 @@ def visible_part(camera: Camera, line: Array) -> list[Array]:
 
 def line_bearings(camera: Camera, line: Array, item: str) -> Array:
     """Bearings (k, 3) along a line of pixels (m, 2); ValueError, with its name, where the camera sees no ray."""
-    split, _ = _split_edges(camera, line[:-1], line[1:], item, BORDER_BEND_TOLERANCE_PX)
-    return np.vstack([split, _visible(camera, line[-1:], item)])
+    return _split_edges(camera, line, np.arange(1, len(line)), item, BORDER_BEND_TOLERANCE_PX)[0]
 
 
 def ring_bearings(camera: Camera, ring: Array, index: int) -> Array:
     """Bearings (k, 3) along a ring of pixels (n, 2); ValueError, with its index, where the camera sees no ray."""
-    return _split_edges(camera, ring, _following(ring), f"ring {index}", BEND_TOLERANCE_PX)[0]
+    return _split_edges(camera, ring, _following(len(ring)), f"ring {index}", BEND_TOLERANCE_PX)[0]
 
 
 def bearings_of_rings(camera: Camera, rings: Sequence[Array]) -> list[Array] | None:
@@ -92,38 +91,45 @@ def bearings_of_rings(camera: Camera, rings: Sequence[Array]) -> list[Array] | N
     """
     if not rings:
         return None
-    starts, ends = np.concatenate(rings), np.concatenate([_following(ring) for ring in rings])
+    first = [0, *accumulate(map(len, rings[:-1]))]
+    following = np.concatenate([start + _following(len(ring)) for start, ring in zip(first, rings, strict=True)])
     try:
-        bearings, parts = _split_edges(camera, starts, ends, "a ring", BEND_TOLERANCE_PX)
+        bearings, parts = _split_edges(camera, np.concatenate(rings), following, "a ring", BEND_TOLERANCE_PX)
     except ValueError:
         return None
-    counts = np.add.reduceat(parts, [0, *accumulate(map(len, rings[:-1]))])
+    counts = np.add.reduceat(parts, first)
     return [bearings[end - count : end] for count, end in zip(counts, np.cumsum(counts), strict=True)]
 
 
-def _following(ring: Array) -> Array:
-    """The next vertex of each of a ring."""
-    return np.concatenate([ring[1:], ring[:1]])
+def _following(count: int) -> NDArray[np.intp]:
+    """The index of the next vertex of each of a ring."""
+    return np.roll(np.arange(count), -1)
 
 
 def _split_edges(
-    camera: Camera, starts: Array, ends: Array, item: str, tolerance: float
+    camera: Camera, pixels: Array, following: NDArray[np.intp], item: str, tolerance: float
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Bearings of the starts (n, 2) of pixel edges, and of points between where the camera bends the edges; and in how
-    many parts each edge is.
+    """Bearings of pixels (n, 2), and of points between where the camera bends the edges; and in how many parts each
+    edge is. Edges lead from the first ones, in their order, to those with the indices `following`.
     """
+    edge_count = len(following)
     if camera.straight_lines:
-        return _visible(camera, starts, item), np.ones(len(starts), dtype=np.int64)
-    places = [starts, ends, *(starts + fraction * (ends - starts) for fraction in PROBES)]
+        return _visible(camera, pixels, item), np.ones(edge_count, dtype=np.int64)
+    starts, ends = pixels[:edge_count], pixels[following]
     # At once: a call for each takes longer than the mapping of a polygon.
-    bearings, *others = np.split(_visible(camera, np.concatenate(places), item), len(places))
-    parts = _parts_of_edges(np.linalg.norm(ends - starts, axis=1), bearings, others, tolerance)
-    if parts.max() == 1:
-        return bearings, parts
-    first = np.repeat(np.arange(len(starts)), parts)
+    probes = [starts + fraction * (ends - starts) for fraction in PROBES]
+    mapped = _visible(camera, np.concatenate([pixels, *probes]), item)
+    bearings, between = mapped[: len(pixels)], mapped[len(pixels) :].reshape(len(PROBES), edge_count, 3)
+    length = np.linalg.norm(ends - starts, axis=1)
+    parts = _parts_of_edges(length, bearings[:edge_count], bearings[following], between, tolerance)
+    first = np.repeat(np.arange(edge_count), parts)
     within = np.arange(len(first)) - np.repeat(np.cumsum(parts) - parts, parts)
-    fraction = (within / parts[first])[:, None]
-    return _visible(camera, starts[first] * (1.0 - fraction) + ends[first] * fraction, item), parts
+    is_new = within > 0
+    split = bearings[first]
+    if is_new.any():
+        edge, fraction = first[is_new], (within / parts[first])[is_new, None]
+        split[is_new] = _visible(camera, starts[edge] * (1.0 - fraction) + ends[edge] * fraction, item)
+    return np.concatenate([split, bearings[edge_count:]]), parts
 
 
 def _visible(camera: Camera, pixels: Array, item: str) -> Array:
@@ -134,17 +140,16 @@ def _visible(camera: Camera, pixels: Array, item: str) -> Array:
     return bearings
 
 
-def _parts_of_edges(length: Array, starts: Array, others: Sequence[Array], tolerance: float) -> NDArray[np.int64]:
+def _parts_of_edges(length: Array, starts: Array, ends: Array, between: Array, tolerance: float) -> NDArray[np.int64]:
     """Number of parts of each pixel edge: their sagitta falls with its square (docs/math.md, eq. 9.11).
 
-    `length` (n,): in pixels. Bearings (n, 3): of the `starts`, and of `others`, the ends and each of the probes.
+    `length` (n,): in pixels. Bearings: of both ends, (n, 3), and at each of the probes, (k, n, 3).
     """
-    ends, *probes = others
     normal = np.cross(starts, ends)
     sine = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
     sagitta = np.zeros(len(length))
-    for fraction, between in zip(PROBES, probes, strict=True):
-        off_arc = np.abs(np.sum(between * normal, axis=1)) / sine
+    for fraction, probe in zip(PROBES, between, strict=True):
+        off_arc = np.abs(np.sum(probe * normal, axis=1)) / sine
         sagitta = np.maximum(sagitta, off_arc * length / sine / (4.0 * fraction * (1.0 - fraction)))
     parts: Array = np.clip(np.ceil(np.sqrt(BEND_MARGIN * sagitta / tolerance)), 1, MOST_PARTS)
     return parts.astype(np.int64)
