@@ -362,6 +362,7 @@ def test_searches_of_next_to_nothing_end() -> None:
         _core.search_poses([frame], density, [(np.eye(3), np.zeros(2))], 10, [3, 2, 1])
 
 
+@pytest.mark.slow
 def test_what_progress_raises_ends_a_search() -> None:
     frame, density = frame_of(ratios_of(4, HEIGHT, WIDTH)), _core.Density.of_prior(KNOWN.core)
     shares: list[float] = []

@@ -187,6 +187,7 @@ def sides(*shapes: Array) -> tuple[list[rp.ImageRegion], list[rp.WorldRegion]]:
     return images, [rp.WorldRegion.from_polygon(POSE.inverse().transform(shape)) for shape in shapes]
 
 
+@pytest.mark.slow
 def test_the_pose_that_hides_nothing_is_chosen_where_a_photo_has_no_edges() -> None:
     """Half a turn about the middle of the rectangle takes the camera above the ceiling."""
     images, (world,) = sides(SLOPED)

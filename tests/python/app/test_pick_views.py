@@ -58,6 +58,7 @@ def test_the_nearer_of_two_points_in_a_direction_is_shown() -> None:
     assert found >= len(wall)
 
 
+@pytest.mark.slow
 def test_each_pixel_shows_the_nearest_of_the_points_in_it() -> None:
     # More points than are worked on at a time, many of them in each direction.
     random = np.random.default_rng(5)

@@ -46,6 +46,7 @@ def test_the_stages_end_where_the_estimate_does(noise: float) -> None:
     assert all(second >= 0.0 for second in seconds) and sum(seconds) > 0.0
 
 
+@pytest.mark.slow
 def test_a_study_on_two_processes_has_the_rows_of_one() -> None:
     study = Study("two", "", [{"planes": (2,), "noise": (0.0, 0.05)}], setups=SMALL)
     one, two = (timed(study, 3, way)[0] for way in list(ways(2).values())[:2])

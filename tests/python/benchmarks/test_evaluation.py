@@ -204,6 +204,7 @@ def test_what_cannot_be_drawn_is_named() -> None:
 # Scenes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", SCENE_KINDS, ids=lambda make: make.__name__)
 def test_every_region_is_wholly_seen_from_its_front_and_hides_no_other(make: SceneMaker) -> None:
     for seed in range(100):

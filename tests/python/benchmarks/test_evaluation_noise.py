@@ -42,6 +42,7 @@ def tilted_region(seed: int) -> list[Array]:
     return [ring @ turn.T + (1.0, 2.0, 3.0) for ring in all_templates()[seed % 25].region()]
 
 
+@pytest.mark.slow
 @given(SEEDS, SHARES)
 @settings(max_examples=60, deadline=None)
 def test_squares_change_the_share_of_a_mask_beside_its_boundary(seed: int, share: float) -> None:
@@ -84,6 +85,7 @@ def test_painted_squares_leave_nothing_of_a_boundary_that_they_cover() -> None:
     assert not (painted ^ mask)[40:120, 40:120].any()
 
 
+@pytest.mark.slow
 def test_squares_too_small_for_the_share_are_refused() -> None:
     with pytest.raises(ValueError, match=r"side 1 px .* a larger side"):
         noise.squares_painted(small_mask(0), 0.5, np.random.default_rng(0), 1.0)

@@ -272,6 +272,7 @@ def test_a_problem_that_cannot_be_placed_is_a_row_with_its_error() -> None:
 # Studies
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STUDIES)
 def test_every_study_runs_and_is_drawn(name: str) -> None:
     study = replace(STUDIES[name], setups=SMALL)

@@ -263,6 +263,7 @@ def test_answers_that_fit_alike_share_the_confidence(side: Literal["2d", "3d"]) 
     assert len(shares) >= 2 and 0.8 < sum(shares) <= 1.0 and max(shares) < 0.8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["lidar", "combined", "wrong-region", "squares-3d"])
 def test_no_pose_of_little_confidence_goes_without_a_warning(model: NoiseModel) -> None:
     found = []

@@ -232,6 +232,7 @@ def test_kinds_that_are_not_there_are_named(tmp_path: Path, capsys: pytest.Captu
         load_frames(tmp_path, ["moon"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_real_frames_hold_what_they_say(kind: str) -> None:
     frames = load_frames(DEFAULT_DATA, [kind])

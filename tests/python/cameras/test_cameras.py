@@ -248,6 +248,7 @@ denominators = st.one_of(
 differences = st.tuples(rounded(0.3), rounded(1.0), rounded(2.0))
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @example(d=(18.379448867736873, 67.70653369114298, -37.609063970656635), n=(0, 0.598917, 0), p=(0, 0), seed=203290)
 @given(d=denominators, n=differences, p=st.tuples(tangential, tangential), seed=st.integers(0, 2**32 - 1))

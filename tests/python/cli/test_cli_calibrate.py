@@ -107,6 +107,7 @@ def turn_from_truth(pose: Pose) -> float:
     return float(np.degrees((pose.rotation * POSE.rotation.inv()).magnitude()))
 
 
+@pytest.mark.slow
 def test_a_folder_gives_the_pose_that_its_scene_file_gives(
     rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -156,6 +157,7 @@ def test_regions_of_one_name_are_pairs_and_the_others_are_matched(rig: Path) -> 
     assert third["world_regions"] == "planes"
 
 
+@pytest.mark.slow
 def test_one_coco_file_holds_the_regions_of_all_photos(rig: Path) -> None:
     file = rig.parent / "all.json"
     file.write_text(json.dumps(coco(list(SHIFTS))), encoding="utf-8")
@@ -291,6 +293,7 @@ def nothing(rig: Path) -> None:
         cloud.unlink()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [

@@ -217,6 +217,7 @@ def limited(scene: Path, out: Path, most: int) -> subprocess.CompletedProcess[st
     return subprocess.run(command, capture_output=True, text=True, preexec_fn=limit)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("most", [0, 100, 4096])
 def test_what_the_disk_does_not_hold_leaves_the_old_files(most: int, tmp_path: Path) -> None:
     """Whatever file meets the limit first, a table or a picture."""

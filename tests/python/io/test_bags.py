@@ -345,6 +345,7 @@ def test_a_scene_file_names_messages(tmp_path: Path) -> None:
     assert held[f"{name}#/points@0"]["bytes"] > 144 and len(held[f"{name}#/camera"]["sha256"]) == 64
 
 
+@pytest.mark.slow
 def test_commands_take_messages(tmp_path: Path) -> None:
     made, plain = filled("mcap"), np.zeros((60, 80, 3), dtype=np.uint8)
     plain[15:45, 20:60] = 200

@@ -331,6 +331,7 @@ def quick_switches() -> Iterator[None]:
     sys.setswitchinterval(before)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("pause_s", "rounds"), [(0.3, 1), (0.0, 30)])
 def test_of_runs_that_begin_at_once_none_loses_its_files(
     pause_s: float, rounds: int, out: Path, quick_switches: None

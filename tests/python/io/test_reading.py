@@ -280,6 +280,7 @@ def test_the_masks_of_a_large_label_image_are_not_all_in_memory(tmp_path: Path) 
     assert int(said[2]) < 150, "MB more than before: the file takes 24, PIL as much"
 
 
+@pytest.mark.slow
 def test_mutated_files_are_read_or_refused() -> None:
     """Some of every kind; `make fuzz` takes more."""
     command = [sys.executable, str(ROOT / "fuzz" / "readers.py"), "--files", "1200", "--seed", "11"]

@@ -121,6 +121,7 @@ LIDARS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lidar", LIDARS)
 def test_correction_removes_most_of_the_bias(lidar: str) -> None:
     scanner, distance, size, bound = LIDARS[lidar]

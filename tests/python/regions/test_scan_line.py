@@ -163,6 +163,7 @@ def moved(world: rp.WorldRegion, motion: rp.Pose) -> rp.WorldRegion:
     return rp.WorldRegion(strip.with_samples(*(motion.transform(places) for places in core.samples), is_line=True), ())
 
 
+@pytest.mark.slow
 def test_the_lines_of_many_frames_give_a_pose() -> None:
     """Three lines hold a pose weakly, six well: what a scanner of a single line sees in six places."""
     condition = Condition(planes=3, templates="asymmetric", lidar_beams=16, range_noise_m=0.01, scan="samples")

@@ -118,6 +118,7 @@ def test_a_patch_alone_is_its_outline() -> None:
     assert region.area == pytest.approx(rp.WorldRegion.from_points(points[members]).area)
 
 
+@pytest.mark.slow
 def test_many_samples_leave_those_at_the_edges() -> None:
     x, y = np.meshgrid(np.arange(-2.0, 2.0, 0.005), np.arange(-1.5, 1.5, 0.005))
     points = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 5.0)])
@@ -186,6 +187,7 @@ def test_wrong_input_is_named() -> None:
         rp.WorldRegion.from_samples(points[members], [[0.0, 0.0, 9.0]])
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::regionpose.regions.outline.SparseSamplingWarning")
 @pytest.mark.parametrize("beams", [32, 64])
 def test_samples_give_a_better_pose_than_the_outline(beams: int) -> None:

@@ -169,6 +169,7 @@ def test_relative_links_resolve(document: Path) -> None:
     assert dead_links(document) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("document", DOCUMENTS, ids=relative)
 def test_python_blocks_run(document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     blocks = python_blocks(document.read_text(encoding="utf-8"))

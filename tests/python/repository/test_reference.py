@@ -83,6 +83,7 @@ def test_the_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) < 120
 
 
+@pytest.mark.slow
 def test_keys_of_a_result_are_described(tmp_path: Path) -> None:
     from regionpose.cli import main
 

@@ -104,6 +104,7 @@ VIEWS = [
 """Turns, middles and lenses: near and far (squares of 130 to 12 px), to the side, and bent."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("view", VIEWS)
 def test_rectangle_pattern_and_board_are_met(view: tuple[list[float], list[float], Lens]) -> None:
     turn, middle, lens = np.array(view[0], dtype=float), np.array(view[1], dtype=float), view[2]
@@ -183,6 +184,7 @@ def two_panes(image: Bytes) -> Bytes:
     return image
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("texture", [brick, tiles, stripes, noise, two_panes])
 def test_other_textures_are_no_chessboards(texture: Callable[[Bytes], Bytes]) -> None:
     image = texture(np.full((*SIZE, 3), 80, dtype=np.uint8))
@@ -207,6 +209,7 @@ def test_tiny_photos_have_none_and_no_error(size: tuple[int, int]) -> None:
     assert chessboard_around(image, (0.0, 0.0)) == []
 
 
+@pytest.mark.slow
 def test_a_photo_larger_than_is_worked_on_gives_the_same_outline() -> None:
     turn, middle = np.array([30.0, 0.0, 20.0]), np.array([0.0, 0.0, 12.0])
     large = np.asarray(Image.fromarray(photo(turn, middle, straight)).resize((2560, 1920), Image.Resampling.BICUBIC))

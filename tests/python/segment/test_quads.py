@@ -33,6 +33,7 @@ def overlap(found: NDArray[np.float64] | list[list[float]], corners: list[tuple[
     return float(one.intersection(other).area / one.union(other).area)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("panes", [False, True])
 @pytest.mark.parametrize("noise", [0.0, 2.0, 6.0])
 def test_a_face_is_met_with_its_windows(panes: bool, noise: float) -> None:

@@ -61,6 +61,7 @@ def shared(one: NDArray[np.intp], other: NDArray[np.intp]) -> float:
     return len(np.intersect1d(one, other)) / len(np.union1d(one, other))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "turn_deg", "bias_m"), [(0, 0.0, 0.02), (1, 37.0, 0.0), (2, -80.0, 0.03)])
 def test_any_two_seeds_on_one_wall_give_the_same_points(seed: int, turn_deg: float, bias_m: float) -> None:
     points, is_front = scan(seed, turn_deg, bias_m)

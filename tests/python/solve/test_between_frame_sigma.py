@@ -101,6 +101,7 @@ def test_a_posterior_wider_than_its_prior_says_nothing_there() -> None:
     assert np.linalg.matrix_rank(LOCAL[:, None] * found.information * LOCAL) == 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("times", [0.0, 1.0, 5.0])
 @pytest.mark.parametrize("count", [2, 4])
 def test_true_poses_lie_in_the_ellipsoid_however_far_frames_are_off(times: float, count: int) -> None:

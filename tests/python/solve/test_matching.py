@@ -84,6 +84,7 @@ def codes(warnings: Sequence[rp.PoseWarning]) -> list[str]:
     return [warning.code for warning in warnings]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("draw", [perspective_scene, omnidirectional_scene, fisheye_scene])
 @pytest.mark.parametrize("seed", range(3))
 def test_regions_in_the_same_order_are_paired_in_order(seed: int, draw: Callable[..., SyntheticScene]) -> None:

@@ -73,6 +73,7 @@ def outcomes() -> dict[str, list[Outcome]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("prior", PRIORS)
 def test_a_prior_only_ever_helps(outcomes: dict[str, list[Outcome]], prior: str) -> None:
     """Fewer answers, none of the right ones lost, more of the first ones right."""

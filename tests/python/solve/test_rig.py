@@ -125,6 +125,7 @@ def test_errors_of_whole_frames_are_allowed_for() -> None:
     assert squared[1] < 1.5 < squared[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("draw", [perspective_frames, fisheye_frames])
 @pytest.mark.parametrize("count", [3, 4])
 def test_true_poses_of_rigs_are_where_the_covariance_says(
