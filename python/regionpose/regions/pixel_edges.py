@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import accumulate, pairwise
 
 import numpy as np
@@ -24,6 +24,9 @@ PROBES = (0.25, 0.5, 0.75)
 
 MOST_PARTS = 1000
 """Parts of one edge at the most; an edge that bends more lies where the camera's model ends."""
+
+MOST_VERTICES = 1 << 16
+"""Vertices of rings that are mapped at once, at the most: 20 MB of places and bearings beside them."""
 
 BORDER_BEND_TOLERANCE_PX = 0.02
 """As `BEND_TOLERANCE_PX`, for the image's border beside a region: predictions are clipped there for each pose."""
@@ -89,16 +92,31 @@ def bearings_of_rings(camera: Camera, rings: Sequence[Array]) -> list[Array] | N
     """Those of many rings, mapped at once: a call for each takes longer than the mapping. None for no ring, and where
     the camera sees no ray.
     """
-    if not rings:
-        return None
-    first = [0, *accumulate(map(len, rings[:-1]))]
-    following = np.concatenate([start + _following(len(ring)) for start, ring in zip(first, rings, strict=True)])
-    try:
-        bearings, parts = _split_edges(camera, np.concatenate(rings), following, "a ring", BEND_TOLERANCE_PX)
-    except ValueError:
-        return None
-    counts = np.add.reduceat(parts, first)
-    return [bearings[end - count : end] for count, end in zip(counts, np.cumsum(counts), strict=True)]
+    mapped: list[Array] = []
+    for block in _blocks(rings):
+        first = [0, *accumulate(map(len, block[:-1]))]
+        following = np.concatenate([start + _following(len(ring)) for start, ring in zip(first, block, strict=True)])
+        try:
+            bearings, parts = _split_edges(camera, np.concatenate(block), following, "a ring", BEND_TOLERANCE_PX)
+        except ValueError:
+            return None
+        counts = np.add.reduceat(parts, first)
+        mapped += [bearings[end - count : end] for count, end in zip(counts, np.cumsum(counts), strict=True)]
+    return mapped or None
+
+
+def _blocks(rings: Sequence[Array]) -> Iterator[list[Array]]:
+    """The rings in blocks of `MOST_VERTICES`, or of one ring that has more."""
+    block: list[Array] = []
+    count = 0
+    for ring in rings:
+        if block and count + len(ring) > MOST_VERTICES:
+            yield block
+            block, count = [], 0
+        block.append(ring)
+        count += len(ring)
+    if block:
+        yield block
 
 
 def _following(count: int) -> NDArray[np.intp]:

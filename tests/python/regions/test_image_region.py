@@ -16,7 +16,8 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from numpy.typing import ArrayLike, NDArray
 from regionpose import kernels
 from regionpose.cameras import Camera
-from regionpose.regions.pixel_edges import BEND_TOLERANCE_PX, bearings_of_rings
+from regionpose.regions import pixel_edges
+from regionpose.regions.pixel_edges import BEND_TOLERANCE_PX
 from skimage.measure import find_contours
 
 from benchmarks.synthetic import area_coverage, binary_mask
@@ -302,9 +303,13 @@ def test_arcs_between_bearings_stay_on_the_pixel_edges(camera: Camera, corners: 
 
 
 @pytest.mark.parametrize("camera", [rp.PinholeCamera(300.0, 300.0, 320.0, 240.0), *CAMERAS[:2]], ids=str)
-def test_rings_that_are_mapped_at_once_have_the_bearings_of_each_alone(camera: Camera) -> None:
+@pytest.mark.parametrize("most", [1, 7, 1000])
+def test_rings_that_are_mapped_at_once_have_the_bearings_of_each_alone(
+    camera: Camera, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pixel_edges, "MOST_VERTICES", most)
     rings = [disc(radius, (330.0, 235.0), corners) for radius, corners in ((180.0, 4), (20.0, 3), (90.0, 400))]
-    at_once = bearings_of_rings(camera, rings)
+    at_once = pixel_edges.bearings_of_rings(camera, rings)
     assert at_once is not None
     for ring, bearings in zip(rings, at_once, strict=True):
         assert np.array_equal(bearings, rp.ImageRegion.from_polygon(ring).bearings(camera)[0])
@@ -312,8 +317,8 @@ def test_rings_that_are_mapped_at_once_have_the_bearings_of_each_alone(camera: C
 
 def test_rings_beyond_a_camera_s_rays_are_not_mapped() -> None:
     camera = rp.FisheyeCamera(180.0, 181.0, 320.0, 240.0)
-    assert bearings_of_rings(camera, []) is None
-    assert bearings_of_rings(camera, [disc(9.0, (3e4, 0.0), 5)]) is None
+    assert pixel_edges.bearings_of_rings(camera, []) is None
+    assert pixel_edges.bearings_of_rings(camera, [disc(9.0, (3e4, 0.0), 5)]) is None
 
 
 def test_an_ideal_pinhole_needs_no_more_bearings_than_vertices() -> None:
