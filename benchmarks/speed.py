@@ -208,7 +208,7 @@ def rows_of(names: Sequence[str], seeds: Sequence[int]) -> tuple[dict[str, Row],
         "batch": lambda: batch([scene.problem() for scene in scenes]),
         "noisy": lambda: batch([scene.problem(noisy) for scene in scenes]),
         "single": lambda: single([scene.problem() for scene in scenes]),
-        "distorted": lambda: batch([scene.problem() for scene in distorted], "undistorted"),
+        "distorted": lambda: batch([scene.problem() for scene in distorted], "solvePnP (k)"),
         "bitten": lambda: batch([scene.problem(bitten) for scene in scenes]),
         "masks": lambda: batch(masked(seeds)),
         "from_mask": lambda: traced(masks),
@@ -217,7 +217,7 @@ def rows_of(names: Sequence[str], seeds: Sequence[int]) -> tuple[dict[str, Row],
     rows = {name: make[name]() for name in ROWS if name in names}
     references: dict[str, Callable[[], Row]] = {
         "solvePnP": lambda: pnp(scenes),
-        "undistorted": lambda: pnp(distorted),
+        "solvePnP (k)": lambda: pnp(distorted),
         "findContours": lambda: contours(masks),
         "outlines": lambda: batch(scanned(seeds, "outline")),
     }

@@ -39,7 +39,7 @@ impl Budget {
         Self::new(u64::MAX, None, false)
     }
 
-    /// A budget without a limit, of work that ends early, with whatever it has by then, once `cancel` returns true.
+    /// A budget without a limit, of work that ends early, with what was found by then, once `cancel` returns true.
     pub fn cancellable(cancel: Cancel) -> Self {
         Self::new(u64::MAX, Some(cancel), false)
     }

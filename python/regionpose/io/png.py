@@ -12,7 +12,8 @@ from regionpose.io.outputs.whole_file import whole_file
 from regionpose.validation.arrays import checked_image
 
 COMPRESSION = 3
-"""Of zlib. Measured: a picture over the demo's photo takes a third of the time of the usual 6, a tenth more bytes."""
+"""Of zlib, 1 to 9. Measured: the demo's `overlay.png` is saved in a third of the time of the usual 6, with a tenth more
+bytes (`Image.save(file, compress_level=3)`)."""
 
 
 def save_png(path: str | os.PathLike[str], picture: ArrayLike, *, overwrite: bool = False) -> Path:

@@ -26,7 +26,8 @@ MOST_PARTS = 1000
 """Parts of one edge at the most; an edge that bends more lies where the camera's model ends."""
 
 MOST_VERTICES = 1 << 16
-"""Vertices of rings that are mapped at once, at the most: 20 MB of places and bearings beside them."""
+"""Vertices of rings that are mapped at once, at the most; a convention. Their places and bearings, and those of three
+probes each, take 10 MB."""
 
 BORDER_BEND_TOLERANCE_PX = 0.02
 """As `BEND_TOLERANCE_PX`, for the image's border beside a region: predictions are clipped there for each pose."""

@@ -96,7 +96,8 @@ impl ContourFit {
         Self { pose, mixture, readings: readings.all, counts: readings.counts, step, clean: OnceLock::new() }
     }
 
-    fn or_likelier(self, other: Self) -> Self {
+    /// The one of two fits with the larger likelihood.
+    fn max_likelihood(self, other: Self) -> Self {
         if other.mixture.likelihood > self.mixture.likelihood { other } else { self }
     }
 
@@ -366,7 +367,7 @@ fn refined_from(
     let last = ContourFit::of(pose, readings, step);
     // A pose on the way is likelier still by a mixture whose scale is free.
     match likeliest.0 > last.mixture.likelihood {
-        true => ContourFit::at(contours, &likeliest.1, step, budget).map(|fit| last.or_likelier(fit)),
+        true => ContourFit::at(contours, &likeliest.1, step, budget).map(|fit| last.max_likelihood(fit)),
         false => Some(last),
     }
 }
