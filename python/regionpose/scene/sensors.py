@@ -125,14 +125,15 @@ def at_location(scene: Scene, place: Place, action: Callable[[], Value]) -> Valu
     try:
         return action()
     except FileNotFoundError as error:
-        raise scene.error(place, _missing(error)) from error
+        raise scene.error(place, _missing(scene, error)) from error
     except (ValueError, ImportError, OSError) as error:
         raise scene.error(place, str(error)) from error
 
 
-def _missing(error: FileNotFoundError) -> str:
+def _missing(scene: Scene, error: FileNotFoundError) -> str:
     """What is not there: the file, or the first of the folders that lead to it."""
-    needed = "needed a path relative to the scene file"
+    # Commands make scenes of the paths that they are given.
+    needed = "needed a path relative to the scene file" if scene.path.exists() else "needed a file"
     if error.filename is None:
         return f"{error}: no such file; {needed}"
     folder = next((place for place in reversed(Path(error.filename).parents) if not place.exists()), None)
