@@ -24,8 +24,9 @@ DOCUMENT_SUFFIXES = {".yaml", ".yml", ".json"}
 
 READ = (
     "a cloud or mesh (PLY, PCD, LAS, LAZ, E57, .npy, .npz, .bin, .xyz, .txt, .csv, .asc, .pts, OBJ, STL, GLB), a bag"
-    " (.bag, .mcap, .db3, or the folder of a ROS 2 bag), a photo or masks (PNG, JPEG, TIFF, BMP, WebP; COCO, labelme),"
-    " a calibration, a pose, a scene file or a result"
+    " (.bag, .mcap, .db3, or the folder of a ROS 2 bag), a photo (PNG, JPEG, TIFF, BMP, WebP), masks"
+    " (label images; COCO, CVAT, labelme, Label Studio, Segment Anything), a calibration, a pose, a scene file or a"
+    " result"
 )
 """What is read, in words."""
 
@@ -142,11 +143,14 @@ def _text_facts(path: Path, choice: CameraChoice, progress: Progress, columns: l
         return _result_facts(path)
     if isinstance(content, dict) and _is_scene(content):
         return _scene_facts(path)
-    readers: list[Callable[[], Facts]] = [lambda: _camera_facts(path, choice), lambda: pose_facts(path, choice.name)]
+    readers: dict[str, Callable[[], Facts]] = {
+        "a calibration": lambda: _camera_facts(path, choice),
+        "a pose": lambda: pose_facts(path, choice.name),
+    }
     if path.suffix.lower() in {".json", ".xml"}:
-        readers.append(lambda: _mask_facts(path))
+        readers["masks"] = lambda: _mask_facts(path)
     if path.suffix.lower() == ".txt":
-        readers.append(lambda: _cloud_facts(path, progress, columns))
+        readers["a cloud"] = lambda: _cloud_facts(path, progress, columns)
     return _first_that_reads(path, readers)
 
 
@@ -157,15 +161,15 @@ def _is_scene(content: dict[Any, Any]) -> bool:
     return len(content.keys() & SceneModel.model_fields.keys()) > 1
 
 
-def _first_that_reads(path: Path, readers: list[Callable[[], Facts]]) -> Facts:
-    """The facts of the first reader that knows the file; ValueError with what is read, and the first one's error."""
+def _first_that_reads(path: Path, readers: dict[str, Callable[[], Facts]]) -> Facts:
+    """The facts of the first reader that knows the file; ValueError with what is read, and the error of each."""
     errors = []
-    for read in readers:
+    for kind, read in readers.items():
         try:
             return read()
         except ValueError as error:
-            errors.append(str(error).removeprefix(f"{path}: "))
-    raise ValueError(f"{path}: found no kind of file that is known; needed {READ}. As a calibration: {errors[0]}")
+            errors.append(f"As {kind}: {str(error).removeprefix(f'{path}: ').removeprefix(str(path)).lstrip(', ')}")
+    raise ValueError(f"{path}: found no kind of file that is known; needed {READ}. {'. '.join(errors)}")
 
 
 def _bag_facts(path: Path) -> Facts:
@@ -206,10 +210,17 @@ def _array_facts(path: Path) -> Facts | None:
 
 
 def _mask_facts(path: Path) -> Facts:
-    """The facts about a file of masks: its regions."""
-    from regionpose.io.masks.readers import masks_from_file
+    """The facts about a file of masks: its regions, and those that can't be read with what is wrong."""
+    from regionpose.io.masks.mask_files import file_items
 
-    return {"kind": "masks", "regions": list(masks_from_file(path))}
+    regions, damaged = [], []
+    for item in file_items(path, None):
+        try:
+            item.check()
+            regions.append(item.name)
+        except ValueError as error:
+            damaged.append(f"{item.name}: {str(error).removeprefix(str(path)).lstrip(', ')}")
+    return {"kind": "masks", "regions": regions, "damaged": damaged}
 
 
 def _image_facts(path: Path) -> Facts:

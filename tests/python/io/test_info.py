@@ -82,6 +82,27 @@ def test_the_topics_of_a_bag_are_listed(kind: str, tmp_path: Path, capsys: pytes
     assert f"sensor_msgs/msg/PointCloud2, {SCANS} messages, read as cloud" in capsys.readouterr().out
 
 
+def test_a_damaged_region_spares_the_others_of_its_file(tmp_path: Path) -> None:
+    task = {"original_width": 16, "original_height": 12}
+    corners = {"points": [[10, 10], [60, 10], [60, 60]], "polygonlabels": ["door"]}
+    brush = {"format": "rle", "rle": [0, 75, 0, 0, 11, 0, 0, 128], "brushlabels": ["wall"]}
+    results = [{**task, "type": "polygonlabels", "value": corners}, {**task, "type": "brushlabels", "value": brush}]
+    path = tmp_path / "tasks.json"
+    path.write_text(json.dumps([{"id": 1, "data": {"image": "a.png"}, "annotations": [{"result": results}]}]))
+    facts = file_facts(path)
+    assert facts["kind"] == "masks" and facts["regions"] == ["door"]
+    (damaged,) = facts["damaged"]
+    assert damaged.startswith("wall: result 1")
+
+
+def test_each_reader_says_why_it_refuses_a_file(tmp_path: Path) -> None:
+    # A quaternion without a word of its order, as evaluation scripts write it.
+    path = tmp_path / "truth.json"
+    path.write_text(json.dumps({"extrinsics": {"translation": [0, 0, 1], "rotation": [0.5, 0.5, 0.5, 0.5]}}))
+    with pytest.raises(ValueError, match=r"As a calibration: .*As a pose: extrinsics.rotation: .*As masks: "):
+        file_facts(path)
+
+
 @pytest.mark.parametrize(
     ("name", "content"),
     [("notes.txt", "Dear all: hello\n"), ("notes.md", "# x\n"), ("a.exe", bytes(range(256))), ("a.pdf", b"%PDF-1.4")],
