@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import itertools
 import json
 import os
 import signal
@@ -12,9 +13,10 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from textwrap import dedent
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -109,6 +111,46 @@ def test_a_signal_between_moves_puts_back_what_was_there(
     finally:
         signal.signal(number, handler)
     assert contents(out) == before and not hidden(out)
+
+
+def test_a_signal_at_any_line_leaves_all_old_files_or_all_new_ones_and_nothing_else(tmp_path: Path) -> None:
+    class Ended(BaseException):
+        pass
+
+    def end(*_: object) -> None:
+        raise Ended
+
+    package = str(Path(placing.__file__).parent)
+    handler, tracer, states = signal.signal(signal.SIGTERM, end), sys.gettrace(), []
+    try:
+        for line in itertools.count(1):
+            left, folder = line, tmp_path / str(line)
+            folder.mkdir()
+            (folder / "a").write_text("old a", encoding="utf-8")
+
+            def trace(frame: FrameType, event: str, _: object) -> Any:
+                nonlocal left
+                if not frame.f_code.co_filename.startswith(package):
+                    return None
+                left -= event == "line"
+                if event == "line" and left == 0:
+                    signal.raise_signal(signal.SIGTERM)
+                return trace
+
+            sys.settrace(trace)
+            with suppress(Ended):
+                write_files(folder, NEW, force=True)
+            sys.settrace(tracer)
+            assert not hidden(folder), line
+            states.append(contents(folder))
+            if left > 0:
+                break
+    finally:
+        sys.settrace(tracer)
+        signal.signal(signal.SIGTERM, handler)
+    old, new = {"a": "old a"}, {name: f"new {name}" for name in NAMES}
+    assert states[0] == old and states[-1] == new and len(states) > 100
+    assert all(state in (old, new) for state in states)
 
 
 def test_a_signal_whose_handler_raises_nothing_changes_nothing(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:

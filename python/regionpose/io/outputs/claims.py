@@ -76,14 +76,16 @@ def claimed(folder: Path, names: Sequence[str], *, force: bool) -> Iterator[Clai
             hidden = _hidden(folder, names)
         refuse_existing(places, force)
         yield Claim(folder, hidden.path, force)
+        # A signal just before this is handled as one in the block.
+        with deferred_signals():
+            hidden.remove()
+            hidden = None
     except BaseException:
         with deferred_signals():
             if hidden is not None:
                 hidden.remove()
             _remove_empty(missing)
         raise
-    with deferred_signals():
-        hidden.remove()
 
 
 def _hidden(folder: Path, names: Sequence[str]) -> HiddenFolder:
