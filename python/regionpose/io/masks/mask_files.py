@@ -15,7 +15,7 @@ from regionpose.io.masks.cvat import cvat_items
 from regionpose.io.masks.label_studio import is_label_studio, label_studio_items
 from regionpose.io.masks.labelme import labelme_items
 from regionpose.io.masks.mask_items import Mask, MaskItem
-from regionpose.io.reading import read_json, read_pixels
+from regionpose.io.reading import check_regular, read_json, read_pixels
 from regionpose.validation.quoting import quoted
 
 JSON_FILES = (
@@ -52,6 +52,7 @@ class MasksOfFile(Mapping[str, Mask]):
 
 def file_items(path: Path, image: str | int | None) -> list[MaskItem]:
     """The regions of a file, each with a name of its own."""
+    check_regular(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} isn't there; needed a label image, or a file of a labeling tool")
     items = list(READERS.get(path.suffix.lower(), _label_items)(path, image))
