@@ -5,8 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from typing import Annotated
 
 import typer
@@ -84,12 +83,7 @@ def run_command(app: typer.Typer, arguments: Sequence[str] | None, program: str)
     if arguments is None:
         # The process is this program's alone. Readers have a limit of their own, with an error where it is exceeded.
         warnings.filterwarnings("ignore", "Image size .* exceeds limit")
-    try:
-        with _terminated_cleanly():
-            return _run(app, arguments, program)
-    except KeyboardInterrupt:
-        # Outside of Typer's care, as when the work is done already.
-        return INTERRUPTED
+    return _ended_by_signals(lambda: _run(app, arguments, program))
 
 
 def _run(app: typer.Typer, arguments: Sequence[str] | None, program: str) -> int:
@@ -108,21 +102,27 @@ def _run(app: typer.Typer, arguments: Sequence[str] | None, program: str) -> int
     return FINE
 
 
-@contextmanager
-def _terminated_cleanly() -> Iterator[None]:
-    """SIGTERM ends the block as an exception does, so that nothing half made stays; in the main thread alone."""
+def _ended_by_signals(run: Callable[[], int]) -> int:
+    """The exit code of `run`. SIGTERM ends it as an exception does, so that nothing half made stays; in the main thread
+    alone.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return run()
 
     def end(*_: object) -> None:
         raise SystemExit(TERMINATED)
 
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, end)
+    before = signal.getsignal(signal.SIGTERM)
     try:
-        yield
-    finally:
+        signal.signal(signal.SIGTERM, end)
+        try:
+            return run()
+        finally:
+            signal.signal(signal.SIGTERM, before)
+    except (KeyboardInterrupt, SystemExit) as ended:
+        # Outside of Typer's care, as when the work is done already; then the handler may not be back.
         signal.signal(signal.SIGTERM, before)
+        return INTERRUPTED if isinstance(ended, KeyboardInterrupt) else TERMINATED
 
 
 def _is_missing_extra(error: ImportError) -> bool:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import pytest
 import waiting
 from commands import run
-from regionpose.cli import main
+from regionpose.cli import app, main
 from regionpose.io.outputs import text_writer, write_files
 from scene_files import scene_values, write_scene
 from waiting import write_waiting_scene
@@ -110,16 +112,47 @@ def test_ctrl_c_after_the_last_of_the_work_ends_with_130(
 ) -> None:
     """It comes while the command puts back what SIGTERM did before."""
     before, handle = signal.getsignal(signal.SIGTERM), signal.signal
+    came: list[int] = []
 
     def interrupted(number: int, handler: Any) -> Any:
         replaced = handle(number, handler)
-        if handler is before:
+        if handler is before and not came:
+            came.append(number)
             raise KeyboardInterrupt
         return replaced
 
     monkeypatch.setattr(signal, "signal", interrupted)
     assert run(capsys, "schema")[0] == 130
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_sigterm_after_the_last_of_the_work_ends_with_143(capsys: pytest.CaptureFixture[str]) -> None:
+    """It comes at any line on the way out of the block that handles it, and the handler from before is back."""
+    handler, tracer, codes = signal.getsignal(signal.SIGTERM), sys.gettrace(), []
+    for line in itertools.count(1):
+        left, is_done = line, False
+
+        def trace(frame: FrameType, event: str, _: object) -> Any:
+            nonlocal left, is_done
+            is_done = is_done or (event == "return" and frame.f_code is app._run.__code__)
+            if frame.f_code.co_filename != app.__file__:
+                return trace
+            if is_done and signal.getsignal(signal.SIGTERM) is not handler:
+                left -= event == "line"
+                if event == "line" and left == 0:
+                    signal.raise_signal(signal.SIGTERM)
+            return trace
+
+        sys.settrace(trace)
+        try:
+            codes.append(main(["--version"]))
+        finally:
+            sys.settrace(tracer)
+        assert signal.getsignal(signal.SIGTERM) is handler, line
+        if left > 0:
+            break
+    capsys.readouterr()
+    assert codes == [143] * (len(codes) - 1) + [0] and len(codes) > 1
 
 
 def test_ctrl_c_leaves_old_files_as_they_were(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
