@@ -152,8 +152,8 @@ class Loaded:
         """The image (h, w, 3)."""
         return np.asarray(Image.open(self.inputs.image).convert("RGB"))
 
-    def calibration(self) -> Callable[[], object]:
-        """What brings regions and edges together: the poster and the sign are regions, the notice is not."""
+    def calibration(self, count: int = 1) -> Callable[[], object]:
+        """What brings regions and edges of so many equal frames together: two panels are regions, the notice is not."""
         corners = [np.array(corner) for corner in (PANELS["poster"], PANELS["sign"])]
         shapes = [corner + np.array([0.0 * u, u, u + v, v]) for corner, u, v in corners]
         images = [rp.ImageRegion.from_polygon(self.camera.project(self.pose.transform(shape))) for shape in shapes]
@@ -164,7 +164,7 @@ class Loaded:
         within = (np.abs(points - corner - 0.5 * (along + up)) < 0.5 * (along + up) + 5.0 * NOISE).all(axis=1)
         intensity = np.where(within, 0.2, 0.8)
         frame = rp.Frame(images, worlds, image=picture, points=points, intensity=intensity)
-        return lambda: rp.calibrate(self.camera, [frame])
+        return lambda: rp.calibrate(self.camera, [frame] * count)
 
     def shared(self) -> SharedSession:
         """The picking page's pictures of photo and cloud, once their files are read."""

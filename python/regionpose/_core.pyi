@@ -28,6 +28,7 @@ __all__ = [
     "edge_spreads",
     "estimate_batch",
     "even_mesh",
+    "flood_levels",
     "mask_contours",
     "mesh_planar_moments",
     "mesh_spherical_moments",
@@ -75,6 +76,9 @@ def mask_contours(
     mask: NDArray[np.generic],
 ) -> tuple[list[NDArray[np.float64]], tuple[int, int, int, int], bool]:
     """Rings (n, 2) of a mask (h, w), its window (left, top, right, bottom), and whether it is binary."""
+
+def flood_levels(levels: NDArray[np.uint16], start: tuple[int, int]) -> NDArray[np.uint16]:
+    """The least level (h, w) at which a flood from a start (row, column) arrives at each pixel of levels (h, w)."""
 
 def contour_pieces(rings: Iterable[ArrayLike], on_border: Iterable[NDArray[np.bool_]]) -> list[NDArray[np.float64]]:
     """Means (m, 2) of equally long parts of closed rings (n, 2) in pixels, without those on edges marked (n,)."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 import shapely
@@ -19,8 +20,10 @@ from regionpose.segment.board_edge import BEYOND, board_around
 from regionpose.segment.grid_places import placed
 from regionpose.segment.x_corners import Corners, x_corners
 from regionpose.validation.arrays import Array
+from regionpose.validation.content import Content
 
 Cell = tuple[int, int]
+Indices = NDArray[np.intp]
 
 WORK_PIXELS = 2_500_000
 """Pixels of the picture in which corners are looked for, about; larger photos are averaged down to it. A
@@ -67,7 +70,8 @@ def chessboard_around(image: NDArray[np.uint8], seed: tuple[float, float]) -> li
     shows. Each has a vertex for each square along it and so bends as the photo does. Empty where there's no chessboard.
     """
     finest = max(1, round(float(np.sqrt(image.shape[0] * image.shape[1] / WORK_PIXELS))))
-    found = [grid for halved in range(SCALES) for grid in _grids_at(image, seed, finest * 2**halved)]
+    photo = Content.of(image)
+    found = [grid for halved in range(SCALES) for grid in _grids_at(photo, seed, finest * 2**halved)]
     if not found:
         return []
     grid = max(found, key=np.size)
@@ -78,12 +82,17 @@ def chessboard_around(image: NDArray[np.uint8], seed: tuple[float, float]) -> li
     return outlines if _holds(outlines[-1], np.array(seed)) else []
 
 
-def _grids_at(image: NDArray[np.uint8], seed: tuple[float, float], factor: int) -> Iterator[Array]:
+def _grids_at(photo: Content[np.uint8], seed: tuple[float, float], factor: int) -> Iterator[Array]:
     """Grids (rows, columns, 2) of pixels around one, found in a photo that is averaged down by a factor."""
-    gray = Image.fromarray(image).convert("L")
-    corners = x_corners(np.asarray(gray.reduce(factor) if factor > 1 else gray))
-    for grid in _grids_around(corners, (np.array(seed) + 0.5) / factor - 0.5):
+    for grid in _grids_around(_corners_at(photo, factor), (np.array(seed) + 0.5) / factor - 0.5):
         yield (grid + 0.5) * factor - 0.5
+
+
+@lru_cache(maxsize=SCALES)
+def _corners_at(photo: Content[np.uint8], factor: int) -> Corners:
+    """The corners of a photo that is averaged down by a factor, found once for all clicks."""
+    gray = Image.fromarray(photo.array).convert("L")
+    return x_corners(np.asarray(gray.reduce(factor) if factor > 1 else gray))
 
 
 def _grids_around(corners: Corners, place: Array) -> Iterator[Array]:
@@ -92,22 +101,22 @@ def _grids_around(corners: Corners, place: Array) -> Iterator[Array]:
         return
     tree = cKDTree(corners.places)
     tried: set[int] = set()
-    for start in np.atleast_1d(tree.query(place, min(STARTS, len(corners.places)))[1]).tolist():
+    starts = np.atleast_1d(tree.query(place, min(STARTS, len(corners.places)))[1])
+    for start, steps in _first_steps(corners, tree, starts):
         if start in tried:
             continue
-        cells = _followed(corners, tree, start)
+        cells = _followed(corners, tree, start, steps)
         tried.update(cells.values())
         grid = _full_grid(corners, cells)
         if grid is not None and _holds(_outline(grid, _rectangle(grid, 1.0 + BEYOND)), place):
             yield grid
 
 
-def _followed(corners: Corners, tree: cKDTree, start: int) -> dict[Cell, int]:
-    """The corners that are reached from one of them over the squares' edges, by their places in the grid."""
+def _followed(corners: Corners, tree: cKDTree, start: int, steps: Array) -> dict[Cell, int]:
+    """The corners that are reached from one of them over the squares' edges, by their places in the grid; `steps`
+    (2, 2): the first ones.
+    """
     cells: dict[Cell, int] = {(0, 0): start}
-    steps = _first_steps(corners, tree, start)
-    if steps is None:
-        return cells
     queue = deque([(0, 0)])
     while queue:
         cell = queue.popleft()
@@ -123,20 +132,21 @@ def _followed(corners: Corners, tree: cKDTree, start: int) -> dict[Cell, int]:
     return cells
 
 
-def _first_steps(corners: Corners, tree: cKDTree, start: int) -> tuple[Array, Array] | None:
-    """The steps (2,) from a corner to its nearest neighbors in both directions of the grid; None where it has none."""
-    here = corners.places[start]
-    near = np.atleast_1d(tree.query(here, min(NEIGHBORS + 1, len(corners.places)))[1])[1:].tolist()
-    steps = [corners.places[other] - here for other in _linked(corners, start, near)]
-    for step in steps[1:]:
-        first = steps[0]
-        sine = abs(first[0] * step[1] - first[1] * step[0]) / (np.hypot(*first) * np.hypot(*step))
-        if sine >= np.sin(np.radians(CROSSING_DEG)):
-            return first, step
-    return None
+def _first_steps(corners: Corners, tree: cKDTree, starts: Indices) -> Iterator[tuple[int, Array]]:
+    """Those of some corners (n,) that have neighbors in both directions of the grid, with the steps (2, 2) to these."""
+    near = tree.query(corners.places[starts], min(NEIGHBORS + 1, len(corners.places)))[1][:, 1:]
+    ones = np.repeat(starts, near.shape[1])
+    linked = _linked(corners, ones, near.ravel()).reshape(near.shape)
+    steps = corners.places[near] - corners.places[starts][:, None]
+    lengths, first = np.hypot(steps[..., 0], steps[..., 1]), np.argmax(linked, axis=1)
+    x, y, length = (np.take_along_axis(each, first[:, None], axis=1) for each in (*np.moveaxis(steps, 2, 0), lengths))
+    crosses = np.abs(x * steps[..., 1] - y * steps[..., 0]) >= np.sin(np.radians(CROSSING_DEG)) * length * lengths
+    second = linked & crosses & (np.arange(near.shape[1]) > first[:, None])
+    for row in np.flatnonzero(second.any(axis=1)).tolist():
+        yield int(starts[row]), steps[row, [first[row], np.argmax(second[row])]]
 
 
-def _step(corners: Corners, cells: dict[Cell, int], cell: Cell, direction: Cell, steps: tuple[Array, Array]) -> Array:
+def _step(corners: Corners, cells: dict[Cell, int], cell: Cell, direction: Cell, steps: Array) -> Array:
     """The step (2,) from a corner of the grid in a direction: the one before it, or beside it, or the first one."""
     (row, column), (down, right) = cell, direction
     pairs = [((row - down, column - right), cell)]
@@ -154,37 +164,42 @@ def _neighbor(corners: Corners, tree: cKDTree, corner: int, step: Array) -> int 
     reach = STEP_TOLERANCE * float(np.hypot(*step))
     predicted = corners.places[corner] + step
     near = tree.query_ball_point(predicted, reach)
-    near.sort(key=lambda other: float(np.hypot(*(corners.places[other] - predicted))))
-    return next(iter(_linked(corners, corner, [other for other in near if other != corner])), None)
+    near = np.array([other for other in near if other != corner], dtype=np.intp)
+    if not len(near):
+        return None
+    near = near[np.argsort(np.hypot(*(corners.places[near] - predicted).T), kind="stable")]
+    return next(iter(near[_linked(corners, np.full(len(near), corner), near)].tolist()), None)
 
 
-def _linked(corners: Corners, one: int, others: list[int]) -> list[int]:
-    """Those of other corners to which an edge of a square runs from one of them: their colors alternate."""
-    others = [other for other in others if _alternate(corners, one, other)]
-    if not others:
-        return []
-    start, steps = corners.places[one], corners.places[others] - corners.places[one]
+def _linked(corners: Corners, ones: Indices, others: Indices) -> NDArray[np.bool_]:
+    """Whether an edge of a square runs from each of some corners (n,) to another one: their colors alternate."""
+    linked = _alternate(corners, ones, others)
+    if not linked.any():
+        return linked
+    ones, others = ones[linked], others[linked]
+    start, steps = corners.places[ones], corners.places[others] - corners.places[ones]
     lengths = np.hypot(steps[:, 0], steps[:, 1])
     left = (
         np.stack([-steps[:, 1], steps[:, 0]], axis=1)
         * (np.maximum(EDGE_REACH * lengths, LEAST_EDGE_REACH) / lengths)[:, None]
     )
-    middles = start + EDGE_PLACES[:, None] * steps[:, None]
+    middles = start[:, None] + EDGE_PLACES[:, None] * steps[:, None]
     sides = np.stack([middles + left[:, None], middles - left[:, None]])
     shades = ndimage.map_coordinates(corners.picture, [sides[..., 1], sides[..., 0]], order=1, mode="nearest")
     # Turning from the edge towards its left, the bright axis comes before the dark one where the left is bright.
-    is_left = (corners.bright[one] - np.arctan2(steps[:, 1], steps[:, 0])) % np.pi < np.pi / 2
+    is_left = (corners.bright[ones] - np.arctan2(steps[:, 1], steps[:, 0])) % np.pi < np.pi / 2
     contrast = np.where(is_left, 1.0, -1.0)[:, None] * (shades[0] - shades[1])
-    least = EDGE_FRACTION * np.minimum(corners.contrasts[one], corners.contrasts[others])
-    shown = (contrast >= least[:, None]).all(axis=1).tolist()
-    return [other for other, is_shown in zip(others, shown, strict=True) if is_shown]
+    least = EDGE_FRACTION * np.minimum(corners.contrasts[ones], corners.contrasts[others])
+    linked[linked] = (contrast >= least[:, None]).all(axis=1)
+    return linked
 
 
-def _alternate(corners: Corners, one: int, other: int) -> bool:
-    """Whether the colors of two corners alternate, and their contrasts are like."""
-    turned = abs((corners.bright[other] - corners.bright[one]) % np.pi - np.pi / 2)
-    low, high = sorted((corners.contrasts[one], corners.contrasts[other]))
-    return bool(turned <= np.pi / 4 and low >= LIKE_CONTRAST * high)
+def _alternate(corners: Corners, ones: Indices, others: Indices) -> NDArray[np.bool_]:
+    """Whether the colors of corners (n,) and others alternate, and their contrasts are like."""
+    turned = np.abs((corners.bright[others] - corners.bright[ones]) % np.pi - np.pi / 2)
+    contrasts = np.stack([corners.contrasts[ones], corners.contrasts[others]])
+    alike = contrasts.min(axis=0) >= LIKE_CONTRAST * contrasts.max(axis=0)
+    return np.asarray((turned <= np.pi / 4) & alike)
 
 
 def _full_grid(corners: Corners, cells: dict[Cell, int]) -> Array | None:

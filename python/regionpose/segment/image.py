@@ -12,10 +12,12 @@ from typing import Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
+from scipy import ndimage
 from skimage.color import rgb2lab
 from skimage.filters import rank
-from skimage.morphology import disk, reconstruction
+from skimage.morphology import disk
 
+from regionpose import _core
 from regionpose.segment.outlining import Growth, Reduced, as_bytes, outlined
 from regionpose.validation.arrays import Array, checked_levels, sample_bits
 from regionpose.validation.content import Content
@@ -23,6 +25,7 @@ from regionpose.validation.content import Content
 Floats = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
+Steps = NDArray[np.uint16]
 Window = tuple[slice, slice]
 
 WORK_PIXELS = 300_000
@@ -244,12 +247,10 @@ def _grown(reduced: Reduced, seed: tuple[float, float], tolerance: float | None)
 
 def _region_around(lab: Floats, start: tuple[int, int], color: Floats, tolerance: float | None) -> Growth:
     """The connected region within a tolerance of a color."""
-    distances = np.linalg.norm(lab - color, axis=2)
-    distances[start] = 0.0
-    arrivals = _arrivals(distances, start)
+    distances = _distances(lab, start, color)
     if tolerance is not None:
-        return Growth(np.asarray(arrivals <= tolerance), color, tolerance, 0.0)
-    steps = _steps(arrivals)
+        return Growth(_connected(np.asarray(distances <= tolerance), start), color, tolerance, 0.0)
+    steps = _steps(distances, start)
     scores = _scores(steps, lab)
     good = np.flatnonzero(scores >= GOOD_FRACTION * scores.max())
     first = good[: np.append(np.flatnonzero(np.diff(good) > 1) + 1, len(good))[0]]
@@ -257,28 +258,34 @@ def _region_around(lab: Floats, start: tuple[int, int], color: Floats, tolerance
     return Growth(np.asarray(steps <= best), color, float(best * TOLERANCE_STEP), float(scores[best]))
 
 
-def _stepped(lab: Floats, start: tuple[int, int], color: Floats) -> tuple[NDArray[np.int64], Array]:
+def _stepped(lab: Floats, start: tuple[int, int], color: Floats) -> tuple[Steps, Array]:
     """The step of the tolerance at which growth arrives at each pixel, and the score of the region of each step."""
-    distances = np.linalg.norm(lab - color, axis=2)
-    distances[start] = 0.0
-    steps = _steps(_arrivals(distances, start))
+    steps = _steps(_distances(lab, start, color), start)
     return steps, _scores(steps, lab)
 
 
-def _steps(arrivals: Floats) -> NDArray[np.int64]:
-    """Tolerances in steps, those that are too large by one beyond the last."""
+def _distances(lab: Floats, start: tuple[int, int], color: Floats) -> Floats:
+    """Distances of the pixels' colors from one, none of the start's."""
+    distances = np.asarray(np.linalg.norm(lab - color, axis=2), dtype=np.float32)
+    distances[start] = 0.0
+    return distances
+
+
+def _connected(mask: Mask, start: tuple[int, int]) -> Mask:
+    """The part of a mask that is connected with a pixel of it, over sides and corners."""
+    labels, _ = ndimage.label(mask, np.ones((3, 3)))
+    return np.asarray(labels == labels[start])
+
+
+def _steps(distances: Floats, start: tuple[int, int]) -> Steps:
+    """The tolerance at which growth from a start arrives at each pixel, in steps; too large ones by one beyond the
+    last.
+    """
     last = LARGEST_TOLERANCE / TOLERANCE_STEP + 1
-    return np.asarray(np.minimum(np.ceil(arrivals / TOLERANCE_STEP), last), dtype=np.int64)
+    return _core.flood_levels(np.minimum(np.ceil(distances / TOLERANCE_STEP), last).astype(np.uint16), start)
 
 
-def _arrivals(distances: Floats, start: tuple[int, int]) -> Floats:
-    """The least tolerance at which growth from the seed arrives at each pixel: the largest step on the best path."""
-    marker = np.full_like(distances, distances.max())
-    marker[start] = distances[start]
-    return np.asarray(reconstruction(marker, distances, method="erosion"), dtype=np.float32)  # type: ignore[no-untyped-call]
-
-
-def _scores(steps: NDArray[np.int64], lab: Floats) -> Array:
+def _scores(steps: Steps, lab: Floats) -> Array:
     """Score of the region {steps <= k} for every k: contrast on the outline, times compactness, less for growth.
 
     Every pair of neighbors lies on the outlines from the smaller step of the two to the larger, so that one pass over
@@ -302,7 +309,7 @@ def _scores(steps: NDArray[np.int64], lab: Floats) -> Array:
     return np.asarray(np.where(within, scores, 0.0) if within.any() else scores)
 
 
-def _outline_pairs(steps: NDArray[np.int64], lab: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+def _outline_pairs(steps: Steps, lab: Floats) -> tuple[Steps, Steps, Array]:
     """Neighbors along the first axis with different steps: both steps in order, and the contrast over three pixels."""
     first, second = steps[:-1], steps[1:]
     differs = first != second

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
-from scipy.optimize import least_squares
 
 from regionpose.segment.image_lines import (
     NEAR_PX,
@@ -66,6 +65,9 @@ the line, at last within half of it."""
 
 SIDE_SAMPLES = 200
 """Places along a side, at the most, at which its edge is looked for."""
+
+MOST_ROUNDS, CONVERGED_PX = 100, 1e-4
+"""Rounds of a side's fit at the most, and the change that ends it, pixels: far below what a mask shows."""
 
 
 class Quads(NamedTuple):
@@ -225,13 +227,21 @@ def _refined_side(lab: Floats, start: Array, end: Array, reach: float) -> tuple[
     steps = np.sqrt(sum(np.gradient(shade, axis=1) ** 2 for shade in shades))
     offs, strength = across[np.argmax(steps, axis=1)], steps.max(axis=1)
     weights = np.minimum(strength / max(float(np.median(strength)), 1e-9), 1.0)
-    lever = places - 0.5
-
-    def residuals(line: Array) -> Array:
-        return np.asarray(weights * (line[0] + line[1] * lever - offs))
-
-    shift, slope = least_squares(residuals, np.zeros(2), loss="cauchy").x
+    shift, slope = _robust_line(places - 0.5, offs, weights)
     return _line(start + (shift - 0.5 * slope) * normal, end + (shift + 0.5 * slope) * normal)
+
+
+def _robust_line(lever: Array, offs: Array, weights: Array) -> Array:
+    """Shift and slope (2,) of the line through offsets (n,) along a lever (n,), by Cauchy's loss of weighted residuals:
+    least squares whose weights follow from the last residuals, which lower the loss at each round.
+    """
+    terms, line = np.stack([np.ones_like(lever), lever], axis=1), np.zeros(2)
+    for _ in range(MOST_ROUNDS):
+        own = weights**2 / (1.0 + (weights * (terms @ line - offs)) ** 2)
+        before, line = line, np.linalg.solve((terms.T * own) @ terms, terms.T @ (own * offs))
+        if np.abs(line - before).max() < CONVERGED_PX:
+            break
+    return np.asarray(line)
 
 
 def _line(start: Array, end: Array) -> tuple[Array, float]:

@@ -27,7 +27,7 @@ mod _core {
     #[pymodule_export]
     use crate::interrupts::work_counter;
     #[pymodule_export]
-    use crate::masks::mask_contours;
+    use crate::masks::{flood_levels, mask_contours};
     #[pymodule_export]
     use crate::mesh::{alpha_shape, even_mesh, plane_rings, triangulate};
     #[pymodule_export]

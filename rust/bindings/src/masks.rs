@@ -1,9 +1,9 @@
-//! Contours of masks.
+//! Contours of masks, and the flood that a mask grows by.
 
-use numpy::{Element, PyArray2, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use regionpose::internals::view::mask::{Mask, MaskContours, MaskValue};
+use regionpose::internals::view::mask::{self, Mask, MaskContours, MaskValue};
 
 use crate::arrays::value_error;
 use crate::mesh::ring_arrays;
@@ -35,6 +35,21 @@ pub fn mask_contours<'py>(mask: &Bound<'py, PyAny>) -> PyResult<TracedMask<'py>>
     let MaskContours { rings, rows, columns, binary } = contours.ok_or_else(refused)??;
     let window = (columns.start, rows.start, columns.end, rows.end);
     Ok((ring_arrays(mask.py(), rings.rings())?, window, binary))
+}
+
+/// The least level (h, w) at which each pixel is connected with a start through pixels of that level at the most, over sides and corners.
+///
+/// `levels` (h, w) uint16; `start`: row and column. ValueError for a start outside.
+#[pyfunction]
+pub fn flood_levels<'py>(
+    levels: PyReadonlyArray2<'py, u16>,
+    start: (usize, usize),
+) -> PyResult<Bound<'py, PyArray2<u16>>> {
+    let (py, [rows, columns]) = (levels.py(), [levels.shape()[0], levels.shape()[1]]);
+    let values: Vec<u16> = levels.as_array().iter().copied().collect();
+    let index = if start.1 < columns { start.0.saturating_mul(columns).saturating_add(start.1) } else { usize::MAX };
+    let arrivals = py.detach(|| mask::flood_levels(&values, columns, index)).map_err(value_error)?;
+    PyArray1::from_vec(py, arrivals).reshape([rows, columns])
 }
 
 /// The contours of a mask of this type; `None` for one of another.

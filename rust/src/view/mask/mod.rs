@@ -1,9 +1,10 @@
-//! From a mask to the rings that bound its region.
+//! From a mask to the rings that bound its region; and the flood that a mask grows by (`flood`).
 //!
 //! One pass over the mask (`scan`) finds its values, the window that holds them and each row's runs; what follows costs
 //! as much as the contour is long: marching squares between the rows' runs (`trace`), then redundant vertices go
 //! (`thinning`).
 
+mod flood;
 mod pixels;
 mod scan;
 mod thinning;
@@ -18,6 +19,7 @@ use crate::error::{Error, Result};
 use crate::geometry::rings::PlaneRings;
 use scan::Scan;
 
+pub use flood::flood_levels;
 pub use pixels::{CONTOUR_LEVEL, Mask, MaskValue};
 
 /// Area and contours of a mask's region.
