@@ -107,8 +107,8 @@ def demo_run(clock: Clock, *, with_regions: bool) -> None:
     path = demo_folder() / "scene.yaml"
     scene = load_scene(path)
     if not with_regions:
-        values = without_regions(scene.document.values)
-        scene = scene_of(path, {**values, "solver": {**values.get("solver", {}), "camera_near": [0.0, 0.0, 0.0]}})
+        assert isinstance(scene.document.value, dict)
+        scene = scene_of(path, without_regions(scene.document.value))
     run = estimate.estimate_scene(scene)
     with clock.stage("pictures and report"), tempfile.TemporaryDirectory() as folder:
         for name, write in bundle(run, Stages()).writers.items():

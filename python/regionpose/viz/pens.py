@@ -43,9 +43,19 @@ def draw_lines(picture: Bytes, lines: Sequence[Array], width: float, color: Colo
         pen = ImageDraw.Draw(ink)
         thickness = max(1, round(width * SUPERSAMPLING))
         for line in touching:
-            places = (line + 0.5 - (0.0, top)) * SUPERSAMPLING - 0.5
+            places = (_drawn(line) + 0.5 - (0.0, top)) * SUPERSAMPLING - 0.5
             pen.line([(float(x), float(y)) for x, y in places], fill=255, width=thickness, joint="curve")
         _blend(picture[top : top + rows], np.asarray(ink.reduce(SUPERSAMPLING)), color, opacity)
+
+
+def _drawn(line: Array) -> Array:
+    """A polyline (n, 2) without vertices that move it by less than half a drawn pixel: each joint takes as long as a
+    line.
+    """
+    import shapely
+
+    whole = shapely.LineString(line)
+    return np.asarray(shapely.get_coordinates(whole.simplify(0.5 / SUPERSAMPLING, preserve_topology=False)))
 
 
 def draw_dots(picture: Bytes, places: Array, radius: float, color: Color) -> None:
