@@ -7,6 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TypeVar
@@ -56,6 +57,16 @@ class Progress:
         """Take the line away."""
         if self._line is not None:
             self._line.stop()
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """Take the line away for a block that prints, and show it again."""
+        if self._line is not None:
+            self._line.stop()
+        yield
+        sys.stdout.flush()
+        if self._line is not None:
+            self._line.start()
 
     def begin(self, stage: str) -> None:
         """Begin a stage."""

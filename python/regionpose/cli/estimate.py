@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -63,13 +63,21 @@ def run_scene(
     truth: Truth | None = None,
     extra: Mapping[str, Writer] | None = None,
 ) -> None:
-    """Estimate a checked scene, write its files and `extra` ones to the folder `out`, and print the result."""
+    """Estimate a checked scene, write its files and `extra` ones to the folder `out`, and print the result: the pose as
+    soon as it is there, before pictures are drawn.
+    """
     with Progress(quiet) as progress:
-        outcome = scene_outcome(scene, out, progress.stages, force=force, truth=truth, extra=extra)
+
+        def found(run: SceneEstimate) -> None:
+            with progress.aside():
+                _print_pose(run)
+
+        shown = None if as_json else found
+        outcome = scene_outcome(scene, out, progress.stages, force=force, truth=truth, extra=extra, found=shown)
     if as_json:
         print_json(outcome.result)
     else:
-        _print_result(*outcome)
+        _print_result(outcome.result, outcome.written)
     code = exit_code(outcome.run, strict=strict)
     if code:
         raise typer.Exit(code)
@@ -91,14 +99,19 @@ def scene_outcome(
     force: bool,
     truth: Truth | None = None,
     extra: Mapping[str, Writer] | None = None,
+    found: Callable[[SceneEstimate], object] | None = None,
 ) -> Outcome:
-    """Estimate a checked scene and write its files and `extra` ones to the folder `out`."""
+    """Estimate a checked scene and write its files and `extra` ones to the folder `out`; `found` is called with the
+    estimate before anything is drawn.
+    """
     from regionpose.scene.bundle import bundle, file_names
     from regionpose.scene.estimate import estimate_scene
 
     more = dict(extra or {})
     with claimed(out, [*more, *file_names(scene)], force=force) as claim:
         run = estimate_scene(scene, stages)
+        if found is not None:
+            found(run)
         files = bundle(run, stages, truth, out)
         return Outcome(run, files.result, claim.write({**more, **files.writers}))
 
@@ -112,8 +125,8 @@ def exit_code(run: SceneEstimate, *, strict: bool) -> int:
     return WARNED if strict and run.estimate.warnings else 0
 
 
-def _print_result(run: SceneEstimate, result: dict[str, Any], written: list[Path]) -> None:
-    _print_pose(run)
+def _print_result(result: dict[str, Any], written: list[Path]) -> None:
+    """What follows on the pose."""
     found = result["diagnostics"]
     _print_matching(found)
     if found["regions"]:
