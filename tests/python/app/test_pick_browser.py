@@ -50,10 +50,11 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SharedDemo]:
         yield shared
 
 
-@pytest.fixture
-def browser(demo: SharedDemo) -> Any:
-    """The browser of all tests."""
-    return demo.browser
+@pytest.fixture(autouse=True)
+def browser(demo: SharedDemo) -> Iterator[Any]:
+    """The browser of all tests, whose pages are closed after each."""
+    yield demo.browser
+    demo.close_pages()
 
 
 @pytest.fixture
@@ -83,8 +84,8 @@ def test_a_few_clicks_give_a_trusted_pose_that_the_saved_file_gives_again(
         hand.wait_for_points(row)
         if row < 3:  # The door and the board are flush with their walls: a further click takes them alone.
             hand.narrower(row, place)
-        hand.wait_for_pose()
         hand.shot(f"{row + 1}-pair")
+    hand.wait_for_pose()
     assert "Trusted" in page.locator(".rp-verdict").inner_text()
     assert hand.clicks <= MOST_CLICKS
     page.keyboard.press("Control+s")

@@ -195,6 +195,12 @@ class SharedDemo:
             page.wait_for_timeout(200)
         return page, odd
 
+    def close_pages(self) -> None:
+        """Close all pages of the browser: an open one draws and asks its server again, also when that has ended."""
+        for context in self.browser.contexts:
+            for page in context.pages:
+                page.close()
+
     @contextmanager
     def in_browser(self, *words: str) -> Iterator[tuple[Any, list[str]]]:
         """The same in a browser of its own, started with these words."""
