@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -63,21 +64,21 @@ def run_scene(
     truth: Truth | None = None,
     extra: Mapping[str, Writer] | None = None,
 ) -> None:
-    """Estimate a checked scene, write its files and `extra` ones to the folder `out`, and print the result: the pose as
-    soon as it is there, before pictures are drawn.
+    """Estimate a checked scene, print the result as soon as it is there, and write its files and `extra` ones to the
+    folder `out`.
     """
     with Progress(quiet) as progress:
 
-        def found(run: SceneEstimate) -> None:
-            with progress.aside():
-                _print_pose(run)
+        def found(run: SceneEstimate, result: dict[str, Any]) -> None:
+            if not as_json:
+                with progress.aside():
+                    _print_result(run, result)
 
-        shown = None if as_json else found
-        outcome = scene_outcome(scene, out, progress.stages, force=force, truth=truth, extra=extra, found=shown)
+        outcome = scene_outcome(scene, out, progress.stages, force=force, truth=truth, extra=extra, found=found)
     if as_json:
         print_json(outcome.result)
     else:
-        _print_result(outcome.result, outcome.written)
+        typer.echo(f"written: {', '.join(str(path) for path in outcome.written)}")
     code = exit_code(outcome.run, strict=strict)
     if code:
         raise typer.Exit(code)
@@ -99,10 +100,10 @@ def scene_outcome(
     force: bool,
     truth: Truth | None = None,
     extra: Mapping[str, Writer] | None = None,
-    found: Callable[[SceneEstimate], object] | None = None,
+    found: Callable[[SceneEstimate, dict[str, Any]], object] = lambda run, result: None,
 ) -> Outcome:
     """Estimate a checked scene and write its files and `extra` ones to the folder `out`; `found` is called with the
-    estimate before anything is drawn.
+    estimate and its result before anything is drawn.
     """
     from regionpose.scene.bundle import bundle, file_names
     from regionpose.scene.estimate import estimate_scene
@@ -110,9 +111,7 @@ def scene_outcome(
     more = dict(extra or {})
     with claimed(out, [*more, *file_names(scene)], force=force) as claim:
         run = estimate_scene(scene, stages)
-        if found is not None:
-            found(run)
-        files = bundle(run, stages, truth, out)
+        files = bundle(run, stages, truth, out, partial(found, run))
         return Outcome(run, files.result, claim.write({**more, **files.writers}))
 
 
@@ -125,8 +124,8 @@ def exit_code(run: SceneEstimate, *, strict: bool) -> int:
     return WARNED if strict and run.estimate.warnings else 0
 
 
-def _print_result(result: dict[str, Any], written: list[Path]) -> None:
-    """What follows on the pose."""
+def _print_result(run: SceneEstimate, result: dict[str, Any]) -> None:
+    _print_pose(run)
     found = result["diagnostics"]
     _print_matching(found)
     if found["regions"]:
@@ -142,7 +141,6 @@ def _print_result(result: dict[str, Any], written: list[Path]) -> None:
     typer.echo(f"{result['status']}: {result['headline']}")
     for warning in result["warnings"]:
         typer.echo(f"  warning: {warning['text']}. {warning['advice']}")
-    typer.echo(f"written: {', '.join(str(path) for path in written)}")
 
 
 def _print_pose(run: SceneEstimate) -> None:

@@ -22,7 +22,7 @@ from regionpose.scene.loading import Scene, has_pairs
 from regionpose.scene.region_files import REGION_LABELS, region_files
 from regionpose.scene.region_values import REGION_POINTS, numbered
 from regionpose.scene.report import Figure, Report, report_html
-from regionpose.scene.result import scene_result
+from regionpose.scene.result import scene_result, seconds_values
 from regionpose.scene.solver_config import given_pose
 from regionpose.scene.stages import Stages
 from regionpose.viz.overlays import overlay_depth, overlay_edges, overlay_regions
@@ -103,19 +103,27 @@ def truth_errors(pose: Pose, truth: Truth) -> dict[str, float]:
     }
 
 
-def bundle(run: SceneEstimate, stages: Stages, truth: Truth | None = None, folder: Path | None = None) -> Bundle:
+def bundle(
+    run: SceneEstimate,
+    stages: Stages,
+    truth: Truth | None = None,
+    folder: Path | None = None,
+    found: Callable[[dict[str, Any]], object] = lambda result: None,
+) -> Bundle:
     """Everything that is written of a run to `folder`, by default that of the scene file.
 
-    The pictures' seconds are added to `stages`.
+    The pictures' seconds are added to `stages`; `found` is called with the result before they are drawn.
     """
+    result, title = scene_result(run, folder), f"Camera pose of {run.scene.path.stem}"
+    if truth is not None:
+        result["truth_errors"] = truth_errors(run.estimate.pose, truth)
+    found(result)
     views = run.views
     frames = [_frame_files(view, k, len(views), stages) for k, view in enumerate(views)]
     writers = {name: writer for frame in frames for name, writer in frame.writers.items()}
     figures = [figure for frame in frames for figure in frame.figures]
     solids = [figure for frame in frames for figure in frame.solids]
-    result, title = scene_result(run, folder), f"Camera pose of {run.scene.path.stem}"
-    if truth is not None:
-        result["truth_errors"] = truth_errors(run.estimate.pose, truth)
+    result["seconds"] = seconds_values(run)
     html = report_html(Report(title, result, figures, solids))
     text = json.dumps(result, indent=2, allow_nan=False) + "\n"
     writers[REPORT] = lambda path: path.write_text(html, encoding="utf-8")

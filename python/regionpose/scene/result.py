@@ -114,8 +114,13 @@ def _run_section(run: SceneEstimate, folder: Path) -> dict[str, Any]:
         "exports": exports(run.estimate.pose),
         "inputs": input_values(run.scene, folder),
         "versions": versions(),
-        "seconds": {name: round(seconds, 4) for name, seconds in run.seconds.items()},
+        "seconds": seconds_values(run),
     }
+
+
+def seconds_values(run: SceneEstimate) -> dict[str, float]:
+    """The seconds of each stage so far."""
+    return {name: round(seconds, 4) for name, seconds in run.seconds.items()}
 
 
 def alignment_values(run: SceneEstimate) -> dict[str, Any] | None:
