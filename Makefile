@@ -74,6 +74,7 @@ bench: $(STAMP)
 	$(BIN)/python -m benchmarks.matching --scenes 20
 	$(BIN)/python -m benchmarks.rig --synthetic 5
 	$(BIN)/python -m benchmarks.scale --points 1000000 --megapixels 6
+	$(BIN)/python -m benchmarks.frame --growth
 	$(BIN)/python -m benchmarks.real_scenes
 	$(BIN)/python -m benchmarks.automatic
 	$(BIN)/python -m benchmarks.agreement

@@ -13,7 +13,7 @@ import argparse
 import functools
 import tempfile
 import time
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -28,7 +28,7 @@ from regionpose.alignment.pose_search import Density
 from regionpose.app.edge_scene import without_regions
 from regionpose.app.scene_text import scene_of
 from regionpose.datasets.demo import demo_folder
-from regionpose.scene import estimate, sensors
+from regionpose.scene import estimate, exposure, sensors
 from regionpose.scene.bundle import bundle
 from regionpose.scene.loading import load_scene
 from regionpose.scene.stages import Stages
@@ -42,6 +42,8 @@ from benchmarks.scale import Loaded, make_inputs
 STAGES: tuple[tuple[str, Any, str], ...] = (
     ("photo decoded", sensors, "read_picture"),
     ("cloud read", sensors, "read_cloud"),
+    ("masks in the photo", exposure, "image_side"),
+    ("planes in the cloud", exposure, "_world_sides"),
     ("pose by regions", estimate, "estimate_regions"),
     ("pictures of the photo", EdgeFrame, "_made"),
     ("edges of the cloud", EdgeFrame, "_edges"),
@@ -61,7 +63,7 @@ class Clock:
 
     def __init__(self) -> None:
         """Nothing yet."""
-        self.seconds: Counter[str] = Counter()
+        self.seconds: defaultdict[str, float] = defaultdict(float)
         self._running, self._since = ["all else"], time.process_time()
 
     @contextmanager
@@ -169,7 +171,7 @@ def growth() -> Iterator[str]:
                     else room_run(Path(folder), {**SIZES, name: first * factor})
                 )
                 seconds.append(sum(seconds_of(run).values()))
-        ratios = " | ".join(f"{value:.2f} s ({value / seconds[0]:.1f})" for value in seconds)
+        ratios = " | ".join(f"{value:.2g} s ({value / seconds[0]:.1f})" for value in seconds)
         yield f"| {name} | {first:,} | {ratios} |"
 
 

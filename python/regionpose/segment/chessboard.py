@@ -134,7 +134,7 @@ def _followed(corners: Corners, tree: cKDTree, start: int, steps: Array) -> dict
 
 def _first_steps(corners: Corners, tree: cKDTree, starts: Indices) -> Iterator[tuple[int, Array]]:
     """Those of some corners (n,) that have neighbors in both directions of the grid, with the steps (2, 2) to these."""
-    near = tree.query(corners.places[starts], min(NEIGHBORS + 1, len(corners.places)))[1][:, 1:]
+    near = np.asarray(tree.query(corners.places[starts], min(NEIGHBORS + 1, len(corners.places)))[1])[:, 1:]
     ones = np.repeat(starts, near.shape[1])
     linked = _linked(corners, ones, near.ravel()).reshape(near.shape)
     steps = corners.places[near] - corners.places[starts][:, None]
@@ -156,7 +156,7 @@ def _step(corners: Corners, cells: dict[Cell, int], cell: Cell, direction: Cell,
     for one, other in pairs:
         if one in cells and other in cells:
             return np.asarray(corners.places[cells[other]] - corners.places[cells[one]])
-    return (down + right) * steps[0 if down else 1]
+    return np.asarray((down + right) * steps[0 if down else 1])
 
 
 def _neighbor(corners: Corners, tree: cKDTree, corner: int, step: Array) -> int | None:

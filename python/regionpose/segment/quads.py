@@ -235,10 +235,11 @@ def _robust_line(lever: Array, offs: Array, weights: Array) -> Array:
     """Shift and slope (2,) of the line through offsets (n,) along a lever (n,), by Cauchy's loss of weighted residuals:
     least squares whose weights follow from the last residuals, which lower the loss at each round.
     """
-    terms, line = np.stack([np.ones_like(lever), lever], axis=1), np.zeros(2)
+    terms, line = np.stack([np.ones_like(lever), lever], axis=1), np.asarray([0.0, 0.0])
     for _ in range(MOST_ROUNDS):
         own = weights**2 / (1.0 + (weights * (terms @ line - offs)) ** 2)
-        before, line = line, np.linalg.solve((terms.T * own) @ terms, terms.T @ (own * offs))
+        # Where nothing has a weight the side stays.
+        before, line = line, np.linalg.lstsq((terms.T * own) @ terms, terms.T @ (own * offs), rcond=None)[0]
         if np.abs(line - before).max() < CONVERGED_PX:
             break
     return np.asarray(line)

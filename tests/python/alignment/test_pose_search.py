@@ -372,7 +372,7 @@ def test_what_progress_raises_ends_a_search() -> None:
         raise RuntimeError("no more")
 
     with pytest.raises(RuntimeError, match="no more"):
-        _core.search_poses([frame], density, [], 10_000_000, [2_000, 400, 64], progress=unwanted)
+        _core.search_poses([frame], density, [], 1_000_000, [2_000, 400, 64], progress=unwanted)
     assert len(shares) == 1 and 0.0 <= shares[0] < 0.5
 
 
