@@ -87,7 +87,8 @@ mod tests {
 
     #[test]
     fn pictures_without_whole_rows_or_the_start_are_refused() {
-        for (levels, columns, start) in [(&[0, 1, 2][..], 2, 0), (&[0, 1][..], 2, 2), (&[][..], 0, 0), (&[][..], 1, 0)] {
+        for (levels, columns, start) in [(&[0, 1, 2][..], 2, 0), (&[0, 1][..], 2, 2), (&[][..], 0, 0), (&[][..], 1, 0)]
+        {
             assert!(matches!(flood_levels(levels, columns, start), Err(Error::InvalidObservation { .. })));
         }
     }
