@@ -86,6 +86,7 @@ def test_a_prior_only_ever_helps(outcomes: dict[str, list[Outcome]], prior: str)
     assert sum(after.answers for after in told) < sum(before.answers for before in without)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("prior", ["up", "initial", "up and side"])
 def test_a_prior_finds_the_poses_of_symmetric_shapes(outcomes: dict[str, list[Outcome]], prior: str) -> None:
     """All without noise, where without a prior half of the scenes are symmetric and few of those right by chance."""
