@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -70,9 +71,11 @@ def run_scene(
     with Progress(quiet) as progress:
 
         def found(run: SceneEstimate, result: dict[str, Any]) -> None:
-            if not as_json:
-                with progress.aside():
-                    _print_result(run, result)
+            if as_json:
+                return
+            # Whoever reads no more of this may still want the files.
+            with suppress(BrokenPipeError), progress.aside():
+                _print_result(run, result)
 
         outcome = scene_outcome(scene, out, progress.stages, force=force, truth=truth, extra=extra, found=found)
     if as_json:

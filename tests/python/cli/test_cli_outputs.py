@@ -243,6 +243,16 @@ def test_an_output_folder_that_is_a_link_is_written_to(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "real").iterdir()] == ["a"]
 
 
+def test_files_are_written_for_a_reader_that_is_gone(tmp_path: Path) -> None:
+    scene, out = write_scene(tmp_path), tmp_path / "out"
+    command = [sys.executable, "-m", "regionpose", "estimate", str(scene), "--out", str(out)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.close()
+        assert b"Traceback" not in process.stderr.read()
+    assert {"result.json", "report.html", "overlay.png"} <= {path.name for path in out.iterdir()}
+
+
 def limited(scene: Path, out: Path, most: int) -> subprocess.CompletedProcess[str]:
     """A run of the command whose files may hold so many bytes each: what a full disk does, without one."""
     resource = pytest.importorskip("resource")
