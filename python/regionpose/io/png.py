@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import zlib
 from pathlib import Path
 
 from numpy.typing import ArrayLike
@@ -11,9 +12,10 @@ from PIL import Image
 from regionpose.io.outputs.whole_file import whole_file
 from regionpose.validation.arrays import checked_image
 
-COMPRESSION = 3
-"""Of zlib, 1 to 9. Measured: the demo's `overlay.png` is saved in a third of the time of the usual 6, with a tenth more
-bytes (`Image.save(file, compress_level=3)`)."""
+STRATEGY = zlib.Z_RLE
+"""Of zlib: runs of a byte are shortened, nothing else. Measured on the demo's `overlay.png`, on a street, and on a depth
+picture of 24 megapixels: 0.6 to 0.75 of the time of level 3 of the usual strategy, which takes a third of that of the
+usual level, and 0.87 to 0.92 of its bytes (`Image.save(file, compress_level=1, compress_type=STRATEGY)`)."""
 
 
 def save_png(path: str | os.PathLike[str], picture: ArrayLike, *, overwrite: bool = False) -> Path:
@@ -23,5 +25,5 @@ def save_png(path: str | os.PathLike[str], picture: ArrayLike, *, overwrite: boo
     """
     page = Image.fromarray(checked_image(picture))
     with whole_file(Path(path), overwrite=overwrite) as file:
-        page.save(file, format="PNG", compress_level=COMPRESSION)
+        page.save(file, format="PNG", compress_level=1, compress_type=STRATEGY)
     return Path(path)
