@@ -16,6 +16,14 @@ from regionpose.cli.console import BAD_INPUT, error_code, one_line
 
 FINE, INTERRUPTED, TERMINATED = 0, 130, 143
 
+Handler = Callable[..., object]
+
+HAS_TIMER = hasattr(signal, "setitimer")
+
+AGAIN_S = 2.0
+"""Seconds after which SIGTERM is handled again if the run still goes on: an exception is lost where it is raised in a
+callback, as in that of an import's lock. Longer than what ends a run tidies up: a convention."""
+
 HELP = """Estimate where a camera stood, from flat regions that its photo and a point cloud both show.
 
 \b
@@ -109,19 +117,36 @@ def _ended_by_signals(run: Callable[[], int]) -> int:
     if threading.current_thread() is not threading.main_thread():
         return run()
 
+    is_ended = False
+
     def end(*_: object) -> None:
+        nonlocal is_ended
+        is_ended = True
+        if HAS_TIMER:
+            signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
         raise SystemExit(TERMINATED)
 
-    before = signal.getsignal(signal.SIGTERM)
+    handlers: dict[int, Handler] = {signal.SIGTERM: end}
+    if HAS_TIMER:
+        handlers[signal.SIGALRM] = lambda *_: signal.raise_signal(signal.SIGTERM)
+    before = {number: signal.getsignal(number) for number in handlers}
+
+    def restore() -> None:
+        if HAS_TIMER and is_ended:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
     try:
-        signal.signal(signal.SIGTERM, end)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
         try:
             return run()
         finally:
-            signal.signal(signal.SIGTERM, before)
+            restore()
     except (KeyboardInterrupt, SystemExit) as ended:
-        # Outside of Typer's care, as when the work is done already; then the handler may not be back.
-        signal.signal(signal.SIGTERM, before)
+        # Outside of Typer's care, as when the work is done already; then the handlers may not be back.
+        restore()
         return INTERRUPTED if isinstance(ended, KeyboardInterrupt) else TERMINATED
 
 

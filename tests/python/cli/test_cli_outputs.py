@@ -127,6 +127,31 @@ def test_ctrl_c_after_the_last_of_the_work_ends_with_130(
     assert signal.getsignal(signal.SIGTERM) is before
 
 
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs a timer")
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_sigterm_that_a_callback_loses_is_handled_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    handlers = [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGALRM)]
+    scene, out = write_scene(tmp_path), tmp_path / "out"
+    ended: list[float] = []
+
+    class Gone:
+        def __del__(self) -> None:
+            signal.raise_signal(signal.SIGTERM)
+
+    def lost(*_: object) -> None:
+        Gone()
+        ended.append(time.monotonic())
+        time.sleep(START_S)
+
+    monkeypatch.setattr("regionpose.scene.estimate.estimate_scene", lost)
+    assert run(capsys, "estimate", scene, "--out", out, "--quiet")[:2] == (143, "")
+    assert len(ended) == 1 and time.monotonic() - ended[0] < START_S / 2.0
+    assert not out.exists()
+    assert [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGALRM)] == handlers
+
+
 def test_sigterm_after_the_last_of_the_work_ends_with_143(capsys: pytest.CaptureFixture[str]) -> None:
     """It comes at any line on the way out of the block that handles it, and the handler from before is back."""
     handler, tracer, codes = signal.getsignal(signal.SIGTERM), sys.gettrace(), []
