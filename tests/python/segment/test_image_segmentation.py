@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from regionpose import ImageRegion
+from regionpose import ImageRegion, _core
 from regionpose.segment import grow_image_region
+from skimage.morphology import reconstruction
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -259,6 +260,26 @@ def test_other_images(image: NDArray[np.generic], message: str) -> None:
 def test_seed_outside(seed: tuple[float, float]) -> None:
     with pytest.raises(ValueError, match=rf"outside the image, which has {WIDTH} x {HEIGHT} pixels"):
         grow_image_region(IMAGE, seed)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 40), st.integers(1, 40), st.sampled_from([3, 40, 65_536]))
+@settings(max_examples=50, deadline=None)
+def test_a_flood_is_a_reconstruction_from_its_start(seed: int, rows: int, columns: int, most: int) -> None:
+    generator = np.random.default_rng(seed)
+    levels = generator.integers(0, most, (rows, columns)).astype(np.uint16)
+    start = int(generator.integers(rows)), int(generator.integers(columns))
+    marker = np.full_like(levels, levels.max())
+    marker[start] = levels[start]
+    expected = reconstruction(marker, levels, method="erosion")  # type: ignore[no-untyped-call]
+    np.testing.assert_array_equal(_core.flood_levels(levels, start), expected)
+    # As of an array whose rows do not follow one another.
+    np.testing.assert_array_equal(_core.flood_levels(levels.T, start[::-1]), expected.T)
+
+
+@pytest.mark.parametrize("start", [(3, 0), (0, 4), (2**62, 3)])
+def test_a_flood_from_elsewhere_is_refused(start: tuple[int, int]) -> None:
+    with pytest.raises(ValueError, match="flood"):
+        _core.flood_levels(np.zeros((3, 4), dtype=np.uint16), start)
 
 
 @pytest.mark.parametrize("seed", [(1, 2, 3), (1,), "ab", None, 5])
