@@ -247,11 +247,10 @@ def _grown(reduced: Reduced, seed: tuple[float, float], tolerance: float | None)
 
 def _region_around(lab: Floats, start: tuple[int, int], color: Floats, tolerance: float | None) -> Growth:
     """The connected region within a tolerance of a color."""
-    distances = _distances(lab, start, color)
     if tolerance is not None:
-        return Growth(_connected(np.asarray(distances <= tolerance), start), color, tolerance, 0.0)
-    steps = _steps(distances, start)
-    scores = _scores(steps, lab)
+        within = np.asarray(_distances(lab, start, color) <= tolerance)
+        return Growth(_connected(within, start), color, tolerance, 0.0)
+    steps, scores = _stepped(lab, start, color)
     good = np.flatnonzero(scores >= GOOD_FRACTION * scores.max())
     first = good[: np.append(np.flatnonzero(np.diff(good) > 1) + 1, len(good))[0]]
     best = first[scores[first] >= NEAR_BEST_FRACTION * scores[first].max()][0]
