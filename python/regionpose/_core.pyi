@@ -38,6 +38,7 @@ __all__ = [
     "plane_rings",
     "quad_solid_angles",
     "retract_pose",
+    "robust_plane",
     "rotation_confidence",
     "search_poses",
     "spherical_moments",
@@ -107,6 +108,11 @@ def retract_pose(
     rotation: ArrayLike, translation: ArrayLike, increment: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Rotation (3, 3) and translation (3,) of a pose with a left increment (6,) applied, `[omega (rad), tau]`."""
+
+def robust_plane(
+    points: ArrayLike, sensor: ArrayLike | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """A plane through most of the points (n, 3): its origin (3,), axes u, v, normal as rows (3, 3), inliers' indices."""
 
 def rotation_confidence(covariance: ArrayLike) -> float:
     """Probability that the rotation error of a pose at the right mode, of this covariance (6, 6) of its left increment,

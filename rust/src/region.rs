@@ -3,6 +3,7 @@
 pub(crate) mod derived;
 mod plane;
 mod points;
+pub mod robust_plane;
 pub mod samples;
 mod surface;
 

@@ -9,11 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from regionpose.regions.plane_fit import INLIER_SIGMAS, MAD_TO_SIGMA, axes_of, robust_plane
+from regionpose._core import robust_plane
 from regionpose.validation.arrays import LARGEST_COORDINATE, Array, check_coordinates, check_extent, row_array
 
 ROUNDING = 64.0
 """Rounding errors of a coordinate that a distance from a plane may hold."""
+
+MAD_TO_SIGMA = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation."""
+
+INLIER_SIGMAS = 3.0
+"""Distance from the plane up to which noise puts points of it, standard deviations: a convention."""
 
 REGION_THICKNESS = 0.02
 """Distance from the plane, over the extent of the points, up to which points belong to the region: frames and mouldings
@@ -118,7 +124,7 @@ def _sights(points: Array, sensor: Array) -> Array:
     beams = points - sensor
     beams = beams[np.linalg.norm(beams, axis=1) > 0.0]
     ahead = np.sum(beams / np.linalg.norm(beams, axis=1, keepdims=True), axis=0)
-    axes = axes_of(ahead / np.linalg.norm(ahead))
+    axes = _axes_of(ahead / np.linalg.norm(ahead))
     depth = np.maximum(beams @ axes[2], LEAST_APPROACH * np.linalg.norm(beams, axis=1))
     sights: Array = beams @ axes[:2].T / depth[:, None]
     return sights
@@ -147,3 +153,10 @@ def checked_sensor(sensor_origin: ArrayLike | None) -> Array | None:
         needed = f"3 coordinates of at most {LARGEST_COORDINATE:.1e}"
         raise ValueError(f"sensor_origin is {np.asarray(sensor_origin).tolist()}; needed {needed}")
     return sensor
+
+
+def _axes_of(normal: Array) -> Array:
+    """Right-handed axes u, v, normal as rows (3, 3)."""
+    u = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    u /= np.linalg.norm(u)
+    return np.array([u, np.cross(normal, u), normal])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from regionpose.regions.plane_fit import robust_plane
+from regionpose._core import robust_plane
 from regionpose.regions.plane_samples import (
     MOST_SAMPLES,
     PlaneSamples,

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from regionpose._core import robust_plane
 from regionpose.progress import Progress
 from regionpose.regions.outline import bridging_radius
-from regionpose.regions.plane_fit import robust_plane
 from regionpose.regions.plane_samples import ROUNDING
 from regionpose.validation.arrays import Array
 

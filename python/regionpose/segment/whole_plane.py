@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 
 from regionpose.progress import Progress, part
 from regionpose.regions.outline import bridging_radius
-from regionpose.regions.plane_fit import MAD_TO_SIGMA
+from regionpose.regions.plane_samples import MAD_TO_SIGMA
 from regionpose.segment.cloud import checked_cloud, started_patch
 from regionpose.segment.patch import (
     ANGLE_DEG,

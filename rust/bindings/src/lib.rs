@@ -44,7 +44,7 @@ mod _core {
     #[pymodule_export]
     use crate::prior::Prior;
     #[pymodule_export]
-    use crate::regions::{ObservedRegion, WorldRegion};
+    use crate::regions::{ObservedRegion, WorldRegion, robust_plane};
     #[pymodule_export]
     use crate::solve::{Estimate, Minimum, Problem, Search, Solution, estimate_batch};
 

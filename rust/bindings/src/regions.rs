@@ -5,11 +5,16 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::internals::geometry::rings::PlaneRings;
+use regionpose::internals::region::robust_plane::robust_plane as plane_of_most;
 use regionpose::internals::region::samples::Samples;
 use regionpose::internals::region::{self, Pixels, PlaneFrame};
 
-use crate::arrays::{array, numbers, points, rings, triangles, value_error};
+use crate::arrays::{array, finite_points, numbers, points, rings, triangles, value_error, vector};
+use crate::interrupts::detached;
 use crate::mesh::{MeshArrays, mesh_arrays, ring_arrays};
+
+/// Origin (3,), rows u, v and normal (3, 3), and indices.
+type PlaneArrays<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i64>>);
 
 type SampleArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 
@@ -180,4 +185,24 @@ impl WorldRegion {
     fn is_planar(&self) -> bool {
         self.0.surface().is_none()
     }
+}
+
+/// A plane through most of the points (n, 3): its origin (3,), axes u, v, normal as rows (3, 3), and the inliers' indices.
+///
+/// Least squares over the points within three standard deviations, from all points or from the plane with the least median distance
+/// (Rousseeuw 1984), under whichever the points are likelier. Of points that a sensor at (3,) saw, distances along their beams count.
+/// ValueError for points that are not finite, identical, or on one line.
+#[pyfunction]
+#[pyo3(signature = (points, sensor = None))]
+pub fn robust_plane<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    sensor: Option<&Bound<'py, PyAny>>,
+) -> PyResult<PlaneArrays<'py>> {
+    let given = finite_points::<3>("points", points)?;
+    let sensor = sensor.map(|sensor| vector("sensor", sensor)).transpose()?;
+    let found = detached(py, |budget| plane_of_most(&given, sensor.as_ref(), budget))?.map_err(value_error)?;
+    let inliers = found.inliers.iter().map(|&index| index as i64).collect();
+    let origin = PyArray1::from_slice(py, found.frame.origin().as_slice());
+    Ok((origin, array(py, found.frame.axes())?, PyArray1::from_vec(py, inliers)))
 }

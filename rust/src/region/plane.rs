@@ -48,27 +48,23 @@ impl PlaneFrame {
     /// # Errors
     /// When the points are identical or on one line.
     pub fn fit(points: &[Vector3<f64>]) -> Result<Self> {
-        let origin = points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64;
-        let spread: Matrix3<f64> = points.iter().map(|p| (p - origin) * (p - origin).transpose()).sum();
-        let largest = spread.diagonal().max();
         let degenerate = || Error::InvalidGeometry {
             item: "the region's points",
             found: format!("{} points that are identical or on one line", points.len()),
             needed: "at least 3 points that span a plane".into(),
         };
-        if points.len() < 3 || largest <= f64::MIN_POSITIVE {
+        let (origin, [(length, u), (width, v), _]) = principal_axes(points).ok_or_else(degenerate)?;
+        if points.len() < 3 || width < MIN_WIDTH * length {
             return Err(degenerate());
         }
-        // Scaling keeps the iteration's tolerance meaningful for any unit of length.
-        let eigen = (spread / largest).try_symmetric_eigen(f64::EPSILON, 1000).ok_or_else(degenerate)?;
-        let mut order = [0, 1, 2];
-        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-        if eigen.eigenvalues[order[1]].max(0.0).sqrt() < MIN_WIDTH * eigen.eigenvalues[order[0]].sqrt() {
-            return Err(degenerate());
-        }
-        let u = eigen.eigenvectors.column(order[0]).normalize();
-        let v = eigen.eigenvectors.column(order[1]).normalize();
         Ok(Self { origin, axes: [u, v, u.cross(&v)] })
+    }
+
+    /// The plane through a point along two vectors, with any axes; `None` where they are along one another.
+    pub(super) fn through(origin: Vector3<f64>, first: &Vector3<f64>, second: &Vector3<f64>) -> Option<Self> {
+        let normal = first.cross(second).try_normalize(f64::MIN_POSITIVE)?;
+        let u = first.try_normalize(0.0)?;
+        Some(Self { origin, axes: [u, normal.cross(&u), normal] })
     }
 
     /// Plane coordinates of a world point, its height above the plane left out.
@@ -86,6 +82,32 @@ impl PlaneFrame {
     pub fn height(&self, point: &Vector3<f64>) -> f64 {
         self.axes[2].dot(&(point - self.origin))
     }
+}
+
+/// The mean of points, and the standard deviations along their principal axes with these, the largest first; `None` for points that are
+/// identical.
+fn principal_axes(points: &[Vector3<f64>]) -> Option<(Vector3<f64>, [(f64, Vector3<f64>); 3])> {
+    let count = points.len().max(1) as f64;
+    let origin = points.iter().sum::<Vector3<f64>>() / count;
+    let spread: Matrix3<f64> = points.iter().map(|p| (p - origin) * (p - origin).transpose()).sum();
+    let largest = spread.diagonal().max();
+    if largest <= f64::MIN_POSITIVE {
+        return None;
+    }
+    // Scaling keeps the iteration's tolerance meaningful for any unit of length.
+    let eigen = (spread / largest).try_symmetric_eigen(f64::EPSILON, 1000)?;
+    let mut order = [0, 1, 2];
+    order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+    let along = |index: usize| {
+        let deviation = (eigen.eigenvalues[index].max(0.0) * largest / count).sqrt();
+        (deviation, eigen.eigenvectors.column(index).normalize())
+    };
+    Some((origin, order.map(along)))
+}
+
+/// Standard deviations of points along their principal axes, the largest first.
+pub(super) fn principal_spreads(points: &[Vector3<f64>]) -> [f64; 3] {
+    principal_axes(points).map_or([0.0; 3], |(_, axes)| axes.map(|(deviation, _)| deviation))
 }
 
 pub(super) fn check_planar(rings: &[Vec<Vector3<f64>>], frame: &PlaneFrame) -> Result<()> {

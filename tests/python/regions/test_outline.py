@@ -8,8 +8,8 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from regionpose._core import robust_plane
 from regionpose.regions.outline import Outline, SparseSamplingWarning, flat_outline, outline_of_points
-from regionpose.regions.plane_fit import robust_plane
 from scipy.spatial.transform import Rotation
 
 from benchmarks.synthetic.lidar import SpinningLidar, lidar_points
