@@ -24,10 +24,13 @@ __all__ = [
     "__version__",
     "alpha_shape",
     "blurred",
+    "bridging_gap",
+    "cells_along",
     "contour_pieces",
     "edge_spreads",
     "estimate_batch",
     "even_mesh",
+    "even_spacing",
     "flood_levels",
     "mask_contours",
     "mesh_planar_moments",
@@ -104,6 +107,12 @@ def even_mesh(rings: Iterable[ArrayLike], edge_length: float) -> tuple[NDArray[n
 def alpha_shape(points: ArrayLike, radius: float) -> list[NDArray[np.float64]]:
     """Rings (m, 2) of the outline of points (n, 2), outer ones counter-clockwise, holes clockwise."""
 
+def bridging_gap(points: ArrayLike) -> float:
+    """The least length of steps by which 98 % of the points (n, 2) are reached from one another."""
+
+def even_spacing(points: ArrayLike) -> NDArray[np.float64]:
+    """A matrix (2, 2) such that samples (n, 2) are equally far apart in all directions in `points @ matrix`."""
+
 def retract_pose(
     rotation: ArrayLike, translation: ArrayLike, increment: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -112,7 +121,16 @@ def retract_pose(
 def robust_plane(
     points: ArrayLike, sensor: ArrayLike | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """A plane through most of the points (n, 3): its origin (3,), axes u, v, normal as rows (3, 3), inliers' indices."""
+    """A plane through most of the points (n, 3): its origin (3,), axes u, v, normal as rows (3, 3), and the indices of
+    the points on it.
+    """
+
+def cells_along(
+    points: ArrayLike, cells: NDArray[np.intp], shape: tuple[int, int], angle_deg: float
+) -> NDArray[np.bool_]:
+    """Cells of a grid with points (n, 3) whose normal, with those of the cells around, is within an angle of the third
+    axis, or unknown; `cells` (n, 2): the row and column of each.
+    """
 
 def rotation_confidence(covariance: ArrayLike) -> float:
     """Probability that the rotation error of a pose at the right mode, of this covariance (6, 6) of its left increment,

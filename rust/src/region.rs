@@ -1,5 +1,6 @@
 //! Regions of the 3D data: planar regions with holes and triangulated surface patches, valid by construction.
 
+pub mod cell_normals;
 pub(crate) mod derived;
 mod plane;
 mod points;

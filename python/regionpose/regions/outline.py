@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import warnings
-from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -12,17 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
-from scipy.spatial import Delaunay, QhullError
+from numpy.typing import ArrayLike
 
 from regionpose import _core
 from regionpose.regions.plane_samples import plane_samples, thinned
 from regionpose.validation.arrays import Array, signed_area
-
-CONNECTED_FRACTION = 0.98
-"""Fraction of the points that the outline has to hold together; the rest counts as stray."""
 
 RADIUS_FACTOR = 1.5
 """Radius of the alpha shape over the gap that has to be bridged: half of it would just touch; at 1.2 a third of lost
@@ -35,14 +28,8 @@ itself."""
 MITRE_LIMIT = 2.0
 """Longest mitre of a grown corner over the growth: a right angle stays one, a spike is cut off."""
 
-EVEN_ROUNDS = 4
-"""Rounds in which the spacing of samples is made even: the first does so on a lattice, two or three on a scan."""
-
 GROWTH_STEPS = 4
 """Steps of Newton's method in which an outline grows; its area is all but quadratic, so that three suffice."""
-
-RIGHT_ANGLE = 1e-6
-"""Cosine up to which an angle counts as a right one, for lattices that are rounded."""
 
 SPARSE_FRACTION = 0.05
 """Fraction of the patch that samples may miss, or by which its area is uncertain, before a warning. A convention."""
@@ -130,7 +117,7 @@ def flat_outline(points: Array, *, radius: float | None = None, correct_sampling
     A SparseSamplingWarning reports few rows of samples across the patch, or an outline that misses a part of it.
     """
     points = thinned(points)
-    squared = _spacing_squared(points)
+    squared = _core.even_spacing(points)
     even = points @ squared
     if radius is None:
         rings = _main_part(_joined(even))
@@ -181,43 +168,6 @@ def _grown(rings: list[Array], area: float) -> list[Array]:
     return [np.array(ring.coords)[:-1] for ring in (turned.exterior, *turned.interiors)]
 
 
-def _spacing_squared(points: Array) -> Array:
-    """A matrix (2, 2) of determinant 1, such that samples (n, 2) are equally far apart in all directions in
-    `points @ matrix`.
-
-    The mean length of the steps to neighbors, each counted along its own direction, is then the same along all axes.
-    Where it isn't, the ratio is that of the spacings. Neighbors are recomputed after each round.
-    """
-    matrix: Array = np.eye(2)
-    for _ in range(EVEN_ROUNDS):
-        even = points @ matrix
-        edges = _gabriel_edges(even)
-        steps = even[edges[:, 0]] - even[edges[:, 1]]
-        ways = steps / np.linalg.norm(steps, axis=1, keepdims=True)
-        counts, axes = np.linalg.eigh(ways.T @ ways)
-        if not counts[0] > 0.0:
-            break
-        root = (axes / np.sqrt(counts)) @ axes.T
-        spread, directions = np.linalg.eigh(root @ steps.T @ ways @ root)
-        matrix = matrix @ (directions * np.sqrt(spread[::-1] / spread)) @ directions.T
-    return matrix
-
-
-def _gabriel_edges(points: Array) -> NDArray[np.intp]:
-    """Pairs (m, 2) of points (n, 2) with no other in or on the circle about both (Gabriel, Sokal 1969).
-
-    Of a lattice they are its rows and columns without diagonals.
-    """
-    triangles = _triangles(points)
-    ends, apex = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), triangles[:, [2, 0, 1]].ravel()
-    one, other = points[ends[:, 0]] - points[apex], points[ends[:, 1]] - points[apex]
-    squares = np.sum(one**2, axis=1) * np.sum(other**2, axis=1)
-    wide = np.sum(one * other, axis=1) <= RIGHT_ANGLE * np.sqrt(squares)
-    keys, which = np.unique(_edge_keys(ends, len(points)), return_inverse=True)
-    kept = keys[np.bincount(which, weights=wide) == 0]
-    return np.column_stack(np.divmod(kept, len(points)))
-
-
 def _warn_of_few_rows(even: Array, spacing: float, shrunk: float) -> None:
     """The patch's two ends lie anywhere in the gap beyond its outer rows: each has a variance of gap^2 / 12."""
     width = np.linalg.svd(even - even.mean(axis=0), full_matrices=False)[2]
@@ -242,34 +192,6 @@ def _warn_of_lost_samples(even: Array, rings: list[Array]) -> None:
         )
 
 
-def _delaunay_edges(points: Array) -> NDArray[np.intp]:
-    """Pairs (m, 2) of points (n, 2) that are natural neighbors."""
-    ends = _triangles(points)[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    return np.column_stack(np.divmod(np.unique(_edge_keys(ends, len(points))), len(points)))
-
-
-def _steps(points: Array) -> NDArray[np.intp]:
-    """Pairs (n - 1, 2) of points on a line (n, 1) that follow one another."""
-    order = np.argsort(points[:, 0])
-    return np.column_stack([order[:-1], order[1:]])
-
-
-def _edge_keys(ends: NDArray[np.intp], count: int) -> NDArray[np.intp]:
-    """One number for each edge (m, 2) between so many points, whichever end comes first."""
-    keys: NDArray[np.intp] = ends.min(axis=1).astype(np.intp) * count + ends.max(axis=1)
-    return keys
-
-
-def _triangles(points: Array) -> NDArray[np.intp]:
-    try:
-        found: NDArray[np.intp] = Delaunay(points - points.mean(axis=0)).simplices.astype(np.intp)
-    except QhullError as error:
-        raise ValueError(
-            f"{len(points)} points are identical or on one line; needed points that span a plane"
-        ) from error
-    return found
-
-
 def _main_part(rings: list[Array]) -> list[Array]:
     """The largest outer ring and the holes inside it; strays that the radius does not reach are left out."""
     outer = max(rings, key=signed_area)
@@ -279,26 +201,9 @@ def _main_part(rings: list[Array]) -> list[Array]:
 
 
 def bridging_radius(points: Array) -> float:
-    """Radius of an alpha shape that holds 98 % of the points (n, 2) together, from the gaps of their spanning tree.
+    """Radius of an alpha shape that holds 98 % of the points (n, 2) together, whatever else of them is dense.
 
-    Scan lines far apart count as much as the spacing within a line: the tree has to cross from each to the next. Of
-    points on a line, (n, 1), it is the way from one to the next.
+    Of points on a line, (n, 1), it is the way from one to the next.
     """
-    edges = _delaunay_edges(points) if points.shape[1] > 1 else _steps(points)
-    lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
-    graph = csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(points), len(points)))
-    tree = minimum_spanning_tree(graph).tocoo()
-    return RADIUS_FACTOR * _bridging_gap(len(points), tree.row, tree.col, tree.data)
-
-
-def _bridging_gap(count: int, first: NDArray[np.int32], second: NDArray[np.int32], lengths: Array) -> float:
-    """The shortest edge of a spanning tree up to which one part holds the connected fraction of the points."""
-    order = np.argsort(lengths, kind="stable")
-
-    def is_connected(last: int) -> bool:
-        kept = order[: last + 1]
-        graph = csr_array((np.ones(len(kept)), (first[kept], second[kept])), shape=(count, count))
-        _, parts = connected_components(graph, directed=False)
-        return bool(np.bincount(parts).max() >= CONNECTED_FRACTION * count)
-
-    return float(lengths[order[bisect_left(range(len(order) - 1), True, key=is_connected)]])
+    flat = points if points.shape[1] > 1 else np.column_stack([points, np.zeros(len(points))])
+    return RADIUS_FACTOR * _core.bridging_gap(flat)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from regionpose._core import robust_plane
+from regionpose._core import cells_along, robust_plane
 from regionpose.progress import Progress
 from regionpose.regions.outline import bridging_radius
 from regionpose.regions.plane_samples import ROUNDING
@@ -255,11 +255,11 @@ def _joined(cloud: Array, patch: Patch, seed: Array, reach: float, angle_deg: fl
     middle = np.full(2, int(reach / cell))
     # Normals are taken where the patch can reach alone: the rest of the plane may be a hundred times as large.
     around = _surroundings(cells[on_plane], middle, int(np.ceil(2.0 * reach / cell)) + 1)
-    low, shape = around.low, around.cells.shape
+    low, shape = around.low, (around.cells.shape[0], around.cells.shape[1])
     inside = np.flatnonzero(((cells >= low) & (cells < low + shape)).all(axis=1))
     inside = inside[around.cells[tuple((cells[inside] - low).T)]]
     near, flat, cells, on_plane = near[inside], flat[inside], cells[inside] - low, on_plane[inside]
-    occupied = counts(cells[on_plane], shape) > 0
+    occupied = filled_cells(cells[on_plane], shape)
     core = occupied & cells_along(np.column_stack([flat, heights[near]]), cells, shape, angle_deg)
     core = _connected(core, middle - low)
     rim = ndimage.binary_dilation(core, np.ones((3, 3), dtype=np.bool_), iterations=RIM_CELLS, mask=occupied)
@@ -276,11 +276,11 @@ class Surroundings(NamedTuple):
     cells: Mask
 
 
-def _surroundings(filled: Indices, seed: Indices, side: int) -> Surroundings:
+def _surroundings(cells: Indices, seed: Indices, side: int) -> Surroundings:
     """Cells in and around the connected part of the filled cells (n, 2) of a square grid that is nearest to the
     seed's.
     """
-    connected = _connected(counts(filled, (side, side)) > 0, seed)
+    connected = _connected(filled_cells(cells, (side, side)), seed)
     rows, columns = (np.flatnonzero(connected.any(axis=axis)) for axis in (1, 0))
     if len(rows) == 0:
         return Surroundings(seed, np.zeros((1, 1), dtype=np.bool_))
@@ -289,35 +289,11 @@ def _surroundings(filled: Indices, seed: Indices, side: int) -> Surroundings:
     return Surroundings(np.array([rows[0] - 1, columns[0] - 1]), grown_window)
 
 
-def counts(cells: Indices, shape: tuple[int, ...], weights: Array | None = None) -> Array:
-    """How many of the cells (n, 2) are each cell of a grid, or the sums of their weights."""
-    counted = np.bincount(cells[:, 0] * shape[1] + cells[:, 1], weights=weights, minlength=shape[0] * shape[1])
-    return counted.reshape(shape).astype(np.float64)
-
-
-def cells_along(local: Array, cells: Indices, shape: tuple[int, ...], angle_deg: float) -> Mask:
-    """Cells of a grid whose points, with those of the cells around, have a normal along the patch's.
-
-    The normal is the direction of least spread of the points (u, v, height) in the block of nine cells.
-    """
-
-    def block(weights: Array | None) -> Array:
-        return ndimage.uniform_filter(counts(cells, shape, weights), 3, mode="constant") * 9.0
-
-    count = block(None)
-    filled = np.argwhere(count > 0.5)
-    rows, columns = filled.T
-    total = count[rows, columns]
-    mean = np.stack([block(local[:, a])[rows, columns] for a in range(3)], axis=1) / total[:, None]
-    spread = np.empty((len(filled), 3, 3))
-    for a in range(3):
-        for b in range(a, 3):
-            product = block(local[:, a] * local[:, b])[rows, columns] / total - mean[:, a] * mean[:, b]
-            spread[:, a, b] = spread[:, b, a] = product
-    normals = np.linalg.eigh(spread)[1][:, :, 0]
-    agree = np.zeros(shape, dtype=np.bool_)
-    agree[rows, columns] = (np.abs(normals[:, 2]) >= np.cos(np.radians(angle_deg))) | (total < LEAST_IN_BLOCK)
-    return agree
+def filled_cells(cells: Indices, shape: tuple[int, int]) -> Mask:
+    """Which cells of a grid are among the cells (n, 2)."""
+    found = np.zeros(shape, dtype=np.bool_)
+    found[cells[:, 0], cells[:, 1]] = True
+    return found
 
 
 def _connected(cells: Mask, seed: Indices) -> Mask:

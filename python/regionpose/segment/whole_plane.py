@@ -17,6 +17,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from regionpose._core import cells_along
 from regionpose.progress import Progress, part
 from regionpose.regions.outline import bridging_radius
 from regionpose.regions.plane_samples import MAD_TO_SIGMA
@@ -33,8 +34,7 @@ from regionpose.segment.patch import (
     Indices,
     Mask,
     Patch,
-    cells_along,
-    counts,
+    filled_cells,
     grown,
 )
 from regionpose.validation.arrays import Array
@@ -159,11 +159,11 @@ def _pieces(cloud: Array, patch: Patch) -> list[Piece]:
     low, extent = flat.min(axis=0), float(np.ptp(flat, axis=0).max())
     cell = max(patch.cell, extent / MOST_CELLS)
     cells = np.floor((flat - low) / cell).astype(np.intp)
-    shape = tuple((cells.max(axis=0) + 1).tolist())
+    rows, columns = (cells.max(axis=0) + 1).tolist()
     on_plane = heights <= _limits(cloud, patch, flat)
     thick = heights <= patch.cell
-    occupied = counts(cells[on_plane], shape) > 0
-    core = occupied & cells_along(local[thick], cells[thick], shape, ANGLE_DEG)
+    occupied = filled_cells(cells[on_plane], (rows, columns))
+    core = occupied & cells_along(local[thick], cells[thick], (rows, columns), ANGLE_DEG)
     numbered, count = ndimage.label(core, np.ones((3, 3)))
     labels = np.asarray(numbered, dtype=np.intp)
     # Edges between two planes mix normals there: points beside the core join by their distance.

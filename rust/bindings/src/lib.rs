@@ -29,7 +29,7 @@ mod _core {
     #[pymodule_export]
     use crate::masks::{flood_levels, mask_contours};
     #[pymodule_export]
-    use crate::mesh::{alpha_shape, even_mesh, plane_rings, triangulate};
+    use crate::mesh::{alpha_shape, bridging_gap, even_mesh, even_spacing, plane_rings, triangulate};
     #[pymodule_export]
     use crate::moments::{
         mesh_planar_moments, mesh_spherical_moments, pixel_moments, planar_moments, quad_solid_angles,
@@ -44,7 +44,7 @@ mod _core {
     #[pymodule_export]
     use crate::prior::Prior;
     #[pymodule_export]
-    use crate::regions::{ObservedRegion, WorldRegion, robust_plane};
+    use crate::regions::{ObservedRegion, WorldRegion, cells_along, robust_plane};
     #[pymodule_export]
     use crate::solve::{Estimate, Minimum, Problem, Search, Solution, estimate_batch};
 

@@ -7,9 +7,10 @@ use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::mesh::PlaneMesh;
 use regionpose::mesh::alpha_shape as outline;
 use regionpose::mesh::even_mesh as even;
+use regionpose::mesh::spacing;
 use regionpose::mesh::triangulation::{self, MeshOptions};
 
-use crate::arrays::{array, optional, points, scalar, value_error};
+use crate::arrays::{array, matrix, optional, points, scalar, value_error};
 use crate::interrupts::detached;
 
 /// Vertices and triangles.
@@ -108,4 +109,23 @@ pub fn alpha_shape<'py>(
     let radius = scalar("radius", radius, "a positive number")?;
     let rings = detached(py, |budget| outline::alpha_shape_within(&given, radius, budget))?;
     ring_arrays(py, rings.map_err(value_error)?.rings())
+}
+
+/// The least length of steps by which 98 % of the points (n, 2), each place once, are reached from one another.
+///
+/// ValueError for points that are not finite, and for fewer than 2 distinct ones.
+#[pyfunction]
+pub fn bridging_gap(py: Python<'_>, points: &Bound<'_, PyAny>) -> PyResult<f64> {
+    let given = self::points::<2>("points", points)?;
+    detached(py, |budget| spacing::bridging_gap(&given, budget))?.map_err(value_error)
+}
+
+/// A matrix (2, 2) of determinant 1 such that samples (n, 2) are equally far apart in all directions in `points @ matrix`.
+///
+/// ValueError for points that are not finite, or on one line.
+#[pyfunction]
+pub fn even_spacing<'py>(py: Python<'py>, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let given = self::points::<2>("points", points)?;
+    let found = detached(py, |budget| spacing::even_spacing(&given, budget))?.map_err(value_error)?;
+    matrix(py, found.transpose().iter().copied().collect(), [2, 2])
 }

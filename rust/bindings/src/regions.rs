@@ -1,7 +1,8 @@
 //! The two sides of a region.
 
 use nalgebra::Vector2;
-use numpy::{PyArray1, PyArray2};
+use numpy::ndarray::ArrayView1;
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::internals::geometry::rings::PlaneRings;
@@ -205,4 +206,32 @@ pub fn robust_plane<'py>(
     let inliers = found.inliers.iter().map(|&index| index as i64).collect();
     let origin = PyArray1::from_slice(py, found.frame.origin().as_slice());
     Ok((origin, array(py, found.frame.axes())?, PyArray1::from_vec(py, inliers)))
+}
+
+/// Cells of a grid of this shape with points whose normal, with those of the cells around, is within an angle of the third axis, or
+/// unknown.
+///
+/// `points` (n, 3), `cells` (n, 2) int64: the row and column of each. ValueError for cells outside the grid.
+#[pyfunction]
+pub fn cells_along<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    cells: PyReadonlyArray2<'py, i64>,
+    shape: [usize; 2],
+    angle_deg: f64,
+) -> PyResult<Bound<'py, PyArray2<bool>>> {
+    let places = self::points::<3>("points", points)?;
+    let rows = cells.as_array();
+    let own: Option<Vec<[usize; 2]>> = (0..rows.nrows()).map(|row| cell_within(rows.row(row), shape)).collect();
+    let own = own.filter(|own| own.len() == places.len() && rows.ncols() == 2).ok_or_else(|| {
+        let found = format!("cells have shape {:?} for {} points", cells.shape(), places.len());
+        PyValueError::new_err(format!("{found}; needed (n, 2) rows and columns within {shape:?}"))
+    })?;
+    let found = py.detach(|| region::cell_normals::cells_along(&places, &own, shape, angle_deg.to_radians()));
+    PyArray1::from_vec(py, found).reshape(shape)
+}
+
+fn cell_within(row: ArrayView1<'_, i64>, shape: [usize; 2]) -> Option<[usize; 2]> {
+    let at = |axis: usize| usize::try_from(*row.get(axis)?).ok().filter(|place| *place < shape[axis]);
+    Some([at(0)?, at(1)?])
 }

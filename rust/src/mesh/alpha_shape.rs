@@ -4,12 +4,11 @@ use nalgebra::Vector2;
 use spade::Triangulation;
 
 use super::delaunay::{self, Cdt};
+use super::distinct::distinct_scaled;
 use crate::budget::Budget;
 use crate::error::{Error, Result};
 use crate::geometry::rings::predicates::by_x_then_y;
-use crate::geometry::rings::{
-    LARGEST_COORDINATE, NEGLIGIBLE_FRACTION, PlaneRings, SMALLEST_SIZE, is_flat, signed_area,
-};
+use crate::geometry::rings::{PlaneRings, is_flat, signed_area};
 
 /// Boundary of the union of all Delaunay triangles whose circumradius is at most `radius`, in the points' unit.
 ///
@@ -35,6 +34,9 @@ fn shape_of(points: &[Vector2<f64>], radius: f64, budget: &Budget) -> Result<Pla
         return Err(Error::InvalidOption { item: "radius", found: radius.to_string(), needed });
     }
     let (points, scale) = distinct_scaled(points)?;
+    if points.len() < 3 {
+        return Err(Error::TooFewPoints { found: points.len() });
+    }
     let cdt = delaunay::constrained(&points, &[], budget)?;
     if cdt.num_inner_faces() == 0 {
         return Err(Error::CollinearPoints { found: points.len() });
@@ -53,31 +55,6 @@ fn shape_of(points: &[Vector2<f64>], radius: f64, budget: &Budget) -> Result<Pla
     let size = |ring: &[Vector2<f64>]| signed_area(ring).abs();
     rings.sort_by(|a, b| size(b).total_cmp(&size(a)).then_with(|| by_x_then_y(&a[0], &b[0])));
     PlaneRings::new(rings)
-}
-
-/// The points without repetition, by x then y, and the power of two by which they are scaled.
-fn distinct_scaled(points: &[Vector2<f64>]) -> Result<(Vec<Vector2<f64>>, f64)> {
-    let mut largest = 0.0_f64;
-    for (index, point) in points.iter().enumerate() {
-        if let Some(&value) = point.iter().find(|x| !x.is_finite()) {
-            return Err(Error::NotFinite { item: "point".to_owned(), index, value });
-        }
-        largest = largest.max(point.amax());
-    }
-    if largest > LARGEST_COORDINATE || (largest > 0.0 && largest < SMALLEST_SIZE) {
-        return Err(Error::InvalidGeometry {
-            item: "the largest coordinate of the points",
-            found: format!("{largest:e}"),
-            needed: format!("from {SMALLEST_SIZE:.1e} to {LARGEST_COORDINATE:.1e}"),
-        });
-    }
-    let scale = delaunay::scale_for(largest);
-    let smallest = NEGLIGIBLE_FRACTION * largest;
-    let scaled = |x: f64| if x.abs() < smallest || x == 0.0 { 0.0 } else { x * scale };
-    let mut distinct: Vec<Vector2<f64>> = points.iter().map(|point| point.map(scaled)).collect();
-    distinct.sort_by(by_x_then_y);
-    distinct.dedup();
-    if distinct.len() < 3 { Err(Error::TooFewPoints { found: distinct.len() }) } else { Ok((distinct, scale)) }
 }
 
 /// For each face, by index, whether its circumradius is at most `radius`.

@@ -5,7 +5,12 @@ pub mod alpha_shape;
 #[cfg(feature = "mesh")]
 mod delaunay;
 #[cfg(feature = "mesh")]
+mod distinct;
+#[cfg(feature = "mesh")]
 pub mod even_mesh;
+#[cfg(feature = "mesh")]
+#[doc(hidden)]
+pub mod spacing;
 #[cfg(feature = "mesh")]
 pub mod triangulation;
 

@@ -97,7 +97,8 @@ fn least_median_plane(points: &[Vector3<f64>], all: &PlaneFrame, budget: &Budget
     let triples: Vec<[Vector3<f64>; 3]> = (0..TRIALS).map(|_| std::array::from_fn(|_| draw())).collect();
     let judges = if points.len() <= JUDGES { points.to_vec() } else { (0..JUDGES).map(|_| draw()).collect() };
     budget.charge(TRIALS * judges.len());
-    let distances_to = |plane: &PlaneFrame| -> Vec<f64> { judges.iter().map(|point| plane.height(point).abs()).collect() };
+    let distances_to =
+        |plane: &PlaneFrame| -> Vec<f64> { judges.iter().map(|point| plane.height(point).abs()).collect() };
     let (mut best, mut least) = (all.clone(), median(&mut distances_to(all)));
     for [origin, second, third] in triples {
         let Some(frame) = PlaneFrame::through(origin, &(second - origin), &(third - origin)) else { continue };
@@ -162,6 +163,7 @@ fn deviation(values: &[f64]) -> f64 {
 
 /// Random indices below `count`, always the same: Knuth's linear congruential generator (MMIX), by its high bits.
 fn random_indices(count: usize) -> impl Iterator<Item = usize> {
-    let next = |state: &u64| Some(state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407));
+    let next =
+        |state: &u64| Some(state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407));
     std::iter::successors(Some(1), next).skip(1).map(move |state| (((state >> 32) * count as u64) >> 32) as usize)
 }
