@@ -117,6 +117,10 @@ pub mod internals {
     pub mod math {
         pub use crate::math::*;
     }
+    #[cfg(feature = "mesh")]
+    pub mod mesh {
+        pub use crate::mesh::spacing::{bridging_gap, even_spacing};
+    }
     pub mod options {
         pub use crate::options::*;
     }

@@ -5,7 +5,9 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::Vector2;
 use proptest::prelude::*;
 use regionpose::Error;
+use regionpose::internals::budget::Budget;
 use regionpose::internals::geometry::rings::PlaneRings;
+use regionpose::internals::mesh::{bridging_gap, even_spacing};
 use regionpose::mesh::PlaneMesh;
 use regionpose::mesh::alpha_shape::alpha_shape;
 use regionpose::mesh::even_mesh::even_mesh;
@@ -361,5 +363,71 @@ proptest! {
         let hull = alpha_shape(&points, f64::INFINITY).unwrap();
         prop_assert!(points.iter().all(|&p| hull.contains(p)));
         prop_assert_eq!(hull.rings().len(), 1);
+    }
+}
+
+/// Rows and columns of a lattice.
+fn lattice(rows: usize, columns: usize, step: [f64; 2]) -> Vec<Vector2<f64>> {
+    let place = move |k: usize| Vector2::new((k % columns) as f64 * step[0], (k / columns) as f64 * step[1]);
+    (0..rows * columns).map(place).collect()
+}
+
+/// The gap by all distances between points, not by a triangulation's: parts joined by ever longer ones.
+fn gap_of_all_pairs(points: &[Vector2<f64>]) -> f64 {
+    let mut part: Vec<usize> = (0..points.len()).collect();
+    let pairs = (0..points.len()).flat_map(|a| (0..a).map(move |b| ((points[a] - points[b]).norm(), a, b)));
+    let mut pairs: Vec<_> = pairs.collect();
+    pairs.sort_by(|one, other| one.0.total_cmp(&other.0));
+    for (length, a, b) in pairs {
+        let (kept, joined) = (part[a], part[b]);
+        part.iter_mut().filter(|own| **own == joined).for_each(|own| *own = kept);
+        if part.iter().filter(|own| **own == kept).count() as f64 >= 0.98 * points.len() as f64 {
+            return length;
+        }
+    }
+    f64::NAN
+}
+
+#[test]
+fn the_gap_of_a_lattice_is_its_wider_step_and_strays_do_not_count() {
+    let mut points = lattice(30, 40, [0.02, 0.3]);
+    let gap = |points: &[Vector2<f64>]| bridging_gap(points, &Budget::unlimited()).unwrap();
+    assert!((gap(&points) - 0.3).abs() < 1e-12);
+    points.extend((0..20).map(|k| Vector2::new(50.0 + f64::from(k), 90.0)));
+    points.extend(points.clone());
+    assert!((gap(&points) - 0.3).abs() < 1e-12);
+}
+
+#[test]
+fn the_gap_of_points_on_a_line_is_the_way_from_one_to_the_next() {
+    let points = ring(&[[0.0, 0.0], [3.0, 0.0], [1.0, 0.0], [1.5, 0.0]]);
+    assert_eq!(bridging_gap(&points, &Budget::unlimited()).unwrap(), 1.5);
+    for points in [vec![], vec![Vector2::new(1.0, 2.0); 5]] {
+        assert!(matches!(bridging_gap(&points, &Budget::unlimited()), Err(Error::InvalidGeometry { .. })));
+    }
+}
+
+#[test]
+fn even_spacing_undoes_the_stretch_of_a_lattice() {
+    let turned = nalgebra::Rotation2::new(0.4);
+    let points: Vec<_> = lattice(20, 25, [0.05, 0.4]).iter().map(|point| turned * point).collect();
+    let matrix = even_spacing(&points, &Budget::unlimited()).unwrap();
+    let [along, across] = [[0.05, 0.0], [0.0, 0.4]].map(|step| matrix.tr_mul(&(turned * Vector2::from(step))).norm());
+    assert!((along / across - 1.0).abs() < 1e-9 && (matrix.determinant() - 1.0).abs() < 1e-12, "{along} {across}");
+    let line = ring(&[[0.0, 0.0], [1.0, 1.0], [2.0, 2.0], [3.0, 3.0]]);
+    assert!(matches!(even_spacing(&line, &Budget::unlimited()), Err(Error::CollinearPoints { .. })));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(64) })]
+
+    #[test]
+    fn the_gap_is_that_of_all_pairs(points in points_of(-2.0..2.0_f64, 2..80)) {
+        let all = gap_of_all_pairs(&points);
+        if let Ok(gap) = bridging_gap(&points, &Budget::unlimited()) {
+            prop_assert!((gap - all).abs() <= 1e-9 * all, "{} {}", gap, all);
+        } else {
+            prop_assert!(points.iter().all(|point| *point == points[0]));
+        }
     }
 }

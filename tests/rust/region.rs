@@ -4,8 +4,11 @@ use crate::support::random::Random;
 use crate::support::scene::{Ring, SpaceRing, pierced_star, placed, rectangle, star};
 use nalgebra::Vector3;
 use proptest::prelude::*;
+use regionpose::internals::budget::Budget;
 use regionpose::internals::geometry::rings::PlaneRings;
 use regionpose::internals::region::PlaneFrame;
+use regionpose::internals::region::cell_normals::cells_along;
+use regionpose::internals::region::robust_plane::robust_plane;
 use regionpose::{Error, ObservedRegion, Pose, WorldRegion};
 
 /// Error allowed of coordinates of size 10 that were brought into a plane and back.
@@ -137,7 +140,7 @@ fn a_region_needs_rings_of_three_finite_vertices() {
 
 #[test]
 fn points_of_one_line_span_no_plane() {
-    let expected = "the region's points is 3 points that are identical or on one line; it needs to be at least 3 points that \
+    let expected = "the region is 3 points that are identical or on one line; it needs to be at least 3 points that \
                     span a plane";
     assert_eq!(refusal(&[space(&[[0.0; 3], [1.0; 3], [2.0; 3]])]), expected);
     assert_eq!(refusal(&[space(&[[4.0; 3]; 3])]), expected);
@@ -288,5 +291,111 @@ fn an_outline_needs_a_plane_with_axes_of_its_own() {
         [[u * 2.0, v, normal], [u, (v + u * 0.1).normalize(), normal], [u, v, -normal], [u, v, Vector3::zeros()]]
     {
         assert_eq!(item(frame.origin(), &axes), "the matrix of the plane's axes");
+    }
+}
+
+/// Points over a tilted plane, with noise across it.
+fn tilted(count: usize, noise: f64, random: &mut Random) -> (Vec<Vector3<f64>>, Pose) {
+    let pose = Pose::new(nalgebra::Rotation3::new(Vector3::new(0.4, -0.3, 0.9)), Vector3::new(3.0, -2.0, 7.0));
+    let point = |random: &mut Random| {
+        let [x, y] = [1.5, 1.0].map(|half| random.uniform(-half, half));
+        pose.transform(&Vector3::new(x, y, noise * random.normal()))
+    };
+    ((0..count).map(|_| point(random)).collect(), pose)
+}
+
+#[test]
+fn a_robust_plane_of_exact_points_holds_them_all() {
+    let (points, pose) = tilted(40, 0.0, &mut Random::new(1));
+    let found = robust_plane(&points, None, &Budget::unlimited()).unwrap();
+    assert_eq!(found.inliers, (0..40).collect::<Vec<_>>());
+    assert!(
+        found.frame.axes()[2].cross(&(pose.rotation * Vector3::z())).norm() < 1e-12 && is_right_handed(&found.frame)
+    );
+}
+
+#[test]
+fn a_robust_plane_leaves_forty_percent_of_outliers_out() {
+    let mut random = Random::new(2);
+    let (mut points, pose) = tilted(180, 0.005, &mut random);
+    points.extend((0..120).map(|_| {
+        pose.transform(&Vector3::new(random.uniform(-1.5, 1.5), random.uniform(-1.0, 1.0), random.uniform(0.2, 1.2)))
+    }));
+    let found = robust_plane(&points, None, &Budget::unlimited()).unwrap();
+    let angle = found.frame.axes()[2].cross(&(pose.rotation * Vector3::z())).norm().asin();
+    assert!(angle < 0.002, "{angle} rad");
+    let own = found.inliers.iter().filter(|&&index| index < 180).count();
+    assert!(own > 170 && found.inliers.len() == own, "{own} of {}", found.inliers.len());
+}
+
+#[test]
+fn a_robust_plane_of_few_points_is_that_of_all() {
+    // Any two of three lines hold six of nine points without any error.
+    let along = |x: f64, z: f64| [-1.0, 0.0, 1.0].map(|y| Vector3::new(x, y, z));
+    let points = [along(-1.0, 0.1), along(0.0, -0.1), along(1.0, 0.1)].concat();
+    let found = robust_plane(&points, None, &Budget::unlimited()).unwrap();
+    assert_eq!((found.inliers.len(), found.frame), (9, PlaneFrame::fit(&points).unwrap()));
+}
+
+#[test]
+fn along_beams_a_scan_line_s_own_plane_holds_nothing() {
+    // Two thirds of the points on one line, whose beams' plane holds them without any error.
+    let mut random = Random::new(3);
+    let beams = [(0.0, 60), (0.04, 15), (0.08, 15)].into_iter().flat_map(|(y, count)| {
+        (0..count).map(move |k| Vector3::new(-0.4 + 0.8 * f64::from(k) / f64::from(count - 1), y, 3.0))
+    });
+    let points: Vec<_> = beams.map(|beam| beam * (1.0 + 0.002 * random.normal())).collect();
+    let normal = |sensor| robust_plane(&points, sensor, &Budget::unlimited()).unwrap().frame.axes()[2];
+    assert!(normal(Some(&Vector3::zeros())).z.abs() > 5.0_f64.to_radians().cos());
+}
+
+#[test]
+fn a_robust_plane_needs_points_that_span_one() {
+    let line: Vec<_> = (0..30).map(|k| Vector3::new(f64::from(k), 2.0 * f64::from(k), 1.0)).collect();
+    for points in [vec![], vec![Vector3::x(); 20], line] {
+        let error = robust_plane(&points, None, &Budget::unlimited()).unwrap_err();
+        assert!(matches!(error, Error::InvalidGeometry { .. }), "{error}");
+    }
+}
+
+#[test]
+fn cells_have_the_normal_of_the_points_in_and_around_them() {
+    // A flat floor in columns 0 to 5, a wall in columns 8 to 9, three points in a corner, and one outside of the grid.
+    let (mut points, mut cells) = (Vec::new(), Vec::new());
+    let mut add = |place: [f64; 3], cell: [usize; 2]| {
+        points.push(Vector3::from(place));
+        cells.push(cell);
+    };
+    for row in 0..10 {
+        for k in 0..24 {
+            let (x, y) = (f64::from(row as u32) + 0.3 * f64::from(k % 3), 0.25 * f64::from(k));
+            add([x, y, 0.0], [row, (0.25 * f64::from(k)) as usize]);
+            add([x, 8.5, 0.1 * f64::from(k)], [row, 8 + usize::from(k > 12)]);
+        }
+    }
+    for k in 0..3 {
+        add([30.0, 30.0, f64::from(k)], [30, 30]);
+    }
+    add([50.0, 0.0, 0.0], [50, 0]);
+    let along = cells_along(&points, &cells, [40, 40], 0.3);
+    let expected = |row: usize, column: usize| matches!((row, column), (0..10, 0..6) | (30, 30));
+    for (cell, &found) in along.iter().enumerate() {
+        assert_eq!(found, expected(cell / 40, cell % 40), "{:?}", (cell / 40, cell % 40));
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(32) })]
+
+    #[test]
+    fn a_robust_plane_moves_with_its_points(seed in any::<u64>(), turn in -3.0..3.0_f64, far in -50.0..50.0_f64) {
+        let mut random = Random::new(seed);
+        let (points, _) = tilted(100, 0.01, &mut random);
+        let moved = Pose::new(nalgebra::Rotation3::new(Vector3::new(0.3, turn, -0.2)), Vector3::new(far, 1.0, -far));
+        let others: Vec<_> = points.iter().map(|point| moved.transform(point)).collect();
+        let [one, other] = [&points, &others].map(|points| robust_plane(points, None, &Budget::unlimited()).unwrap());
+        prop_assert_eq!(&one.inliers, &other.inliers);
+        let turned = (moved.rotation * one.frame.axes()[2]).cross(&other.frame.axes()[2]).norm();
+        prop_assert!(turned < 1e-9, "{}", turned);
     }
 }

@@ -4,10 +4,10 @@ use nalgebra::SVector;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use regionpose::internals::geometry::rings::PlaneRings;
+use regionpose::internals::mesh as spacing;
 use regionpose::mesh::PlaneMesh;
 use regionpose::mesh::alpha_shape as outline;
 use regionpose::mesh::even_mesh as even;
-use regionpose::mesh::spacing;
 use regionpose::mesh::triangulation::{self, MeshOptions};
 
 use crate::arrays::{array, matrix, optional, points, scalar, value_error};

@@ -9,8 +9,7 @@ mod distinct;
 #[cfg(feature = "mesh")]
 pub mod even_mesh;
 #[cfg(feature = "mesh")]
-#[doc(hidden)]
-pub mod spacing;
+pub(crate) mod spacing;
 #[cfg(feature = "mesh")]
 pub mod triangulation;
 

@@ -24,6 +24,7 @@ const RIGHT_ANGLE: f64 = 1e-6;
 ///
 /// # Errors
 /// A coordinate that is not finite or out of range, and fewer than 2 distinct points.
+#[doc(hidden)]
 pub fn bridging_gap(points: &[Vector2<f64>], budget: &Budget) -> Result<f64> {
     delaunay::interruptible(|| {
         let (points, scale) = distinct_scaled(points)?;
@@ -35,8 +36,8 @@ pub fn bridging_gap(points: &[Vector2<f64>], budget: &Budget) -> Result<f64> {
         let is_bridged =
             |(_, [a, b]): &&(f64, [usize; 2])| parts.union(*a, *b) as f64 >= CONNECTED_FRACTION * points.len() as f64;
         edges.iter().find(is_bridged).map(|(length, _)| length / scale).ok_or_else(|| Error::InvalidGeometry {
-            item: "the points",
-            found: format!("{} distinct", points.len()),
+            item: "the number of distinct points",
+            found: points.len().to_string(),
             needed: "at least 2".into(),
         })
     })
@@ -49,6 +50,7 @@ pub fn bridging_gap(points: &[Vector2<f64>], budget: &Budget) -> Result<f64> {
 ///
 /// # Errors
 /// A coordinate that is not finite or out of range, and points that span no triangle.
+#[doc(hidden)]
 pub fn even_spacing(points: &[Vector2<f64>], budget: &Budget) -> Result<Matrix2<f64>> {
     let mut matrix = Matrix2::identity();
     for _ in 0..EVEN_ROUNDS {

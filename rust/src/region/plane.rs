@@ -49,15 +49,16 @@ impl PlaneFrame {
     /// When the points are identical or on one line.
     pub fn fit(points: &[Vector3<f64>]) -> Result<Self> {
         let degenerate = || Error::InvalidGeometry {
-            item: "the region's points",
+            item: "the region",
             found: format!("{} points that are identical or on one line", points.len()),
             needed: "at least 3 points that span a plane".into(),
         };
-        let (origin, [(length, u), (width, v), _]) = principal_axes(points).ok_or_else(degenerate)?;
+        let PrincipalAxes { mean, deviations: [length, width, _], axes: [u, v, _] } =
+            PrincipalAxes::of(points).ok_or_else(degenerate)?;
         if points.len() < 3 || width < MIN_WIDTH * length {
             return Err(degenerate());
         }
-        Ok(Self { origin, axes: [u, v, u.cross(&v)] })
+        Ok(Self { origin: mean, axes: [u, v, u.cross(&v)] })
     }
 
     /// The plane through a point along two vectors, with any axes; `None` where they are along one another.
@@ -84,30 +85,34 @@ impl PlaneFrame {
     }
 }
 
-/// The mean of points, and the standard deviations along their principal axes with these, the largest first; `None` for points that are
-/// identical.
-fn principal_axes(points: &[Vector3<f64>]) -> Option<(Vector3<f64>, [(f64, Vector3<f64>); 3])> {
-    let count = points.len().max(1) as f64;
-    let origin = points.iter().sum::<Vector3<f64>>() / count;
-    let spread: Matrix3<f64> = points.iter().map(|p| (p - origin) * (p - origin).transpose()).sum();
-    let largest = spread.diagonal().max();
-    if largest <= f64::MIN_POSITIVE {
-        return None;
-    }
-    // Scaling keeps the iteration's tolerance meaningful for any unit of length.
-    let eigen = (spread / largest).try_symmetric_eigen(f64::EPSILON, 1000)?;
-    let mut order = [0, 1, 2];
-    order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-    let along = |index: usize| {
-        let deviation = (eigen.eigenvalues[index].max(0.0) * largest / count).sqrt();
-        (deviation, eigen.eigenvectors.column(index).normalize())
-    };
-    Some((origin, order.map(along)))
+/// Principal axes of points.
+pub(super) struct PrincipalAxes {
+    mean: Vector3<f64>,
+    /// Standard deviations along the axes, the largest first.
+    pub(super) deviations: [f64; 3],
+    axes: [Vector3<f64>; 3],
 }
 
-/// Standard deviations of points along their principal axes, the largest first.
-pub(super) fn principal_spreads(points: &[Vector3<f64>]) -> [f64; 3] {
-    principal_axes(points).map_or([0.0; 3], |(_, axes)| axes.map(|(deviation, _)| deviation))
+impl PrincipalAxes {
+    /// Those of points; `None` where these are identical.
+    pub(super) fn of(points: &[Vector3<f64>]) -> Option<Self> {
+        let count = points.len().max(1) as f64;
+        let mean = points.iter().sum::<Vector3<f64>>() / count;
+        let spread: Matrix3<f64> = points.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
+        let largest = spread.diagonal().max();
+        if largest <= f64::MIN_POSITIVE {
+            return None;
+        }
+        // Scaling keeps the iteration's tolerance meaningful for any unit of length.
+        let eigen = (spread / largest).try_symmetric_eigen(f64::EPSILON, 1000)?;
+        let mut order = [0, 1, 2];
+        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+        Some(Self {
+            mean,
+            deviations: order.map(|index| (eigen.eigenvalues[index].max(0.0) * largest / count).sqrt()),
+            axes: order.map(|index| eigen.eigenvectors.column(index).normalize()),
+        })
+    }
 }
 
 pub(super) fn check_planar(rings: &[Vec<Vector3<f64>>], frame: &PlaneFrame) -> Result<()> {

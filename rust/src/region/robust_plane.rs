@@ -2,10 +2,14 @@
 
 use nalgebra::Vector3;
 
-use super::plane::{PlaneFrame, principal_spreads};
+use super::plane::{PlaneFrame, PrincipalAxes};
 use super::points::extent;
 use crate::budget::Budget;
 use crate::error::Result;
+
+/// Points below which all of them count: a majority of fewer than five for each of a plane's numbers lies on some plane by chance
+/// (Rousseeuw, Leroy 1987, section 1.4).
+const MIN_POINTS: usize = 15;
 
 /// Planes through three random points that are tried: 40 % of outliers leave a wrong best with odds of 1e-21.
 const TRIALS: usize = 200;
@@ -53,15 +57,17 @@ pub struct RobustPlane {
 /// plane through three of them with the least median distance (Rousseeuw 1984). That one is right with outliers, but may lie askew
 /// along a single scan line; the better fit is the one under which the points are likelier, outliers being anywhere. Of points that a
 /// sensor saw, distances along their beams count: the plane of the beams themselves holds a scan line without any error, and no beam
-/// meets it.
+/// meets it. Of fewer than 15 points only the first start is taken: a plane through half of them says nothing.
 ///
 /// # Errors
 /// When the points are identical or on one line.
 pub fn robust_plane(points: &[Vector3<f64>], sensor: Option<&Vector3<f64>>, budget: &Budget) -> Result<RobustPlane> {
     let all = PlaneFrame::fit(points)?;
-    let median_start = least_median_plane(points, &all, budget);
-    let everything = refitted(points, all)?;
-    let majority = refitted(points, median_start)?;
+    let everything = refitted(points, all.clone())?;
+    if points.len() < MIN_POINTS {
+        return Ok(everything);
+    }
+    let majority = refitted(points, least_median_plane(points, all, budget))?;
     if is_line_of(points, &majority, &everything) {
         return Ok(everything);
     }
@@ -91,7 +97,7 @@ fn refitted(points: &[Vector3<f64>], start: PlaneFrame) -> Result<RobustPlane> {
 }
 
 /// The plane with the least median distance among those through three random points and least squares over all.
-fn least_median_plane(points: &[Vector3<f64>], all: &PlaneFrame, budget: &Budget) -> PlaneFrame {
+fn least_median_plane(points: &[Vector3<f64>], all: PlaneFrame, budget: &Budget) -> PlaneFrame {
     let mut draws = random_indices(points.len());
     let mut draw = || points[draws.next().unwrap_or_default()];
     let triples: Vec<[Vector3<f64>; 3]> = (0..TRIALS).map(|_| std::array::from_fn(|_| draw())).collect();
@@ -99,7 +105,8 @@ fn least_median_plane(points: &[Vector3<f64>], all: &PlaneFrame, budget: &Budget
     budget.charge(TRIALS * judges.len());
     let distances_to =
         |plane: &PlaneFrame| -> Vec<f64> { judges.iter().map(|point| plane.height(point).abs()).collect() };
-    let (mut best, mut least) = (all.clone(), median(&mut distances_to(all)));
+    let mut least = median(&mut distances_to(&all));
+    let mut best = all;
     for [origin, second, third] in triples {
         let Some(frame) = PlaneFrame::through(origin, &(second - origin), &(third - origin)) else { continue };
         let mut distances = distances_to(&frame);
@@ -118,7 +125,8 @@ fn least_median_plane(points: &[Vector3<f64>], all: &PlaneFrame, budget: &Budget
 /// Whether the inliers of one plane are a scan line of another one that more points show: narrow, no wider than its noise makes them.
 fn is_line_of(points: &[Vector3<f64>], line: &RobustPlane, plane: &RobustPlane) -> bool {
     let [own, whole] = [line, plane].map(|plane| chosen(points, &plane.inliers));
-    let ([length, width, _], [whole_length, whole_width, _]) = (principal_spreads(&own), principal_spreads(&whole));
+    let deviations = |points: &[Vector3<f64>]| PrincipalAxes::of(points).map_or([0.0; 3], |axes| axes.deviations);
+    let ([length, width, _], [whole_length, whole_width, _]) = (deviations(&own), deviations(&whole));
     let noise = deviation(&whole.iter().map(|point| plane.frame.height(point)).collect::<Vec<_>>());
     let is_narrow = width < LINE_WIDTH * length && noise < LINE_NOISES * width.max(MIN_LINE_NOISE * length);
     is_narrow && whole.len() > own.len() && whole_width * length > WIDER * width * whole_length

@@ -137,7 +137,7 @@ MASKS: list[tuple[Callable[[], object], str]] = [
 
 WORLDS: list[tuple[Callable[[], object], str]] = [
     (lambda: POINTS(np.ones((9, 3))), "9 points are given, of which fewer than 3 differ; needed at least 3"),
-    (lambda: POINTS(np.outer(np.arange(9.0), [1, 2, 3])), "9 points are identical or on one line"),
+    (lambda: POINTS(np.outer(np.arange(9.0), [1, 2, 3])), "9 points that are identical or on one line"),
     (lambda: POINTS(LIFTED[:2]), "fewer than 3 differ"),
     (lambda: POINTS(with_value(LIFTED, np.nan)), r"point 2 is \[1.0, nan, 1.0\]; needed finite coordinates"),
     (

@@ -123,13 +123,13 @@ def test_three_returns_are_a_line_and_those_of_one_beam_are_not() -> None:
     assert len(kept) == 3
     assert rp.WorldRegion.from_scan(points, kept, sensor_origin=[0, 0, 0]).is_line
     ray = np.outer([1.0, 2.0, 3.0, 4.0], CENTER)
-    with pytest.raises(ValueError, match="4 points are identical or on one line"):
+    with pytest.raises(ValueError, match="4 points that are identical or on one line"):
         rp.WorldRegion.from_scan(ray, np.arange(4), sensor_origin=[0, 0, 0])
 
 
 def test_without_the_scanner_or_what_is_outside_it_is_refused() -> None:
     points, members = one_line(0.4, noise=0.01)
-    with pytest.raises(ValueError, match="62 points are identical or on one line"):
+    with pytest.raises(ValueError, match="62 points that are identical or on one line"):
         rp.WorldRegion.from_scan(*one_line(0.4))
     with pytest.raises(ValueError, match="62 points lie on one scan line; needed points on lines across the patch"):
         rp.WorldRegion.from_scan(points[members], np.arange(len(members)), sensor_origin=[0, 0, 0])
