@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionpose.fusion.colors import colored_cloud
+from regionpose.fusion.colors import SeenPoints, cloud_with_colors, seen_points
 from regionpose.geometry.pose import Pose
 from regionpose.io.clouds import Cloud, write_ply
 from regionpose.io.png import save_png
@@ -25,7 +25,7 @@ from regionpose.scene.report import Figure, Report, report_html
 from regionpose.scene.result import scene_result, seconds_values
 from regionpose.scene.solver_config import given_pose
 from regionpose.scene.stages import Stages
-from regionpose.viz.overlays import overlay_depth, overlay_edges, overlay_regions
+from regionpose.viz.overlays import overlay_depth, overlay_edges, overlay_regions, overlay_seen
 from regionpose.viz.splat import splatted, viewpoints
 
 Colors = NDArray[np.uint8]
@@ -147,16 +147,17 @@ def _frame_files(view: SceneEstimate, index: int, count: int, stages: Stages) ->
 
 def _drawn_files(view: SceneEstimate, numbered: Callable[[str], str], stages: Stages) -> FrameFiles:
     with stages.stage("pictures"):
-        drawn = {numbered(name): figure for name, figure in pictures(view).items()}
+        seen = _seen(view)
+        drawn = {numbered(name): figure for name, figure in pictures(view, seen).items()}
     writers: dict[str, Callable[[Path], object]] = {
         name: partial(save_png, picture=figure.picture) for name, figure in drawn.items()
     }
     writers |= {numbered(name): writer for name, writer in region_files(view).items()}
     solids: list[Figure] = []
-    if view.sides.cloud is not None:
+    if view.sides.cloud is not None and seen is not None:
         with stages.stage("colors"):
-            cloud, visible = colored_cloud([(view.camera, view.sides.image, view.estimate.pose)], view.sides.cloud)
-            solids = [_titled(view, figure) for figure in cloud_views(view, cloud, visible)]
+            cloud = cloud_with_colors(view.sides.image, seen, view.sides.cloud)
+            solids = [_titled(view, figure) for figure in cloud_views(view, cloud, seen.visible)]
         writers[numbered(CLOUD)] = partial(_write_cloud, cloud)
     return FrameFiles(writers, [_titled(view, figure) for figure in drawn.values()], solids)
 
@@ -171,12 +172,20 @@ def _write_cloud(cloud: Cloud, path: Path) -> None:
     write_ply(path, cloud)
 
 
-def pictures(run: SceneEstimate) -> dict[str, Figure]:
-    """The pictures over the image by file name: regions before and after, and the cloud by depth."""
+def _seen(run: SceneEstimate) -> SeenPoints | None:
+    """What the camera sees of the cloud; None without one."""
+    sides = run.sides
+    if sides.cloud is None:
+        return None
+    return seen_points(sides.camera, sides.cloud.local_points, run.local_pose, sides.image.shape[:2])
+
+
+def pictures(run: SceneEstimate, seen: SeenPoints | None) -> dict[str, Figure]:
+    """The pictures over the image by file name: regions before and after, and what is seen of the cloud by depth."""
     made = _region_pictures(run) if run.names else {}
     sides = run.sides
-    if sides.cloud is not None:
-        depth = overlay_depth(sides.camera, sides.image, sides.cloud.local_points, run.local_pose)
+    if seen is not None:
+        depth = overlay_seen(sides.image, seen)
         made[DEPTH] = Figure(depth, "The cloud's points that the camera sees, colored by their distance from it.")
     for alignment in run.alignments:
         if alignment is not None:

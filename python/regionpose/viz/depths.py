@@ -23,14 +23,20 @@ DEPTH_PERCENTILES = (1.0, 99.0)
 """The range of colors leaves single stray points out."""
 
 
-def draw_depths(picture: Bytes, depth: Depths, near: float, far: float) -> None:
-    """Color the pixels of a picture (h, w, 3) that have a distance (h, w), meters, not infinite, in place."""
-    for top in range(0, len(depth), STRIP_ROWS):
-        strip = depth[top : top + STRIP_ROWS]
+def draw_depths(picture: Bytes, pixels: Depths, distances: Depths, radius: float, limits: tuple[float, float]) -> None:
+    """Color dots of a radius around pixels (n, 2) of a picture (h, w, 3) by their distances (n,) within limits, meters,
+    in place; the nearest is in front.
+    """
+    near, far = limits
+    nearest = _nearest(pixels, distances, picture.shape[:2])
+    for top in range(0, len(picture), STRIP_ROWS):
+        strip = _dots(nearest, slice(top, min(top + STRIP_ROWS, len(picture))), radius)
         covered = np.isfinite(strip)
-        fraction = np.log(far / strip[covered]) / np.float32(np.log(far / near))
+        with np.errstate(divide="ignore"):
+            fraction = np.log(far / strip) / np.float32(np.log(far / near))
         shades = np.clip(fraction * (TABLE_SIZE - 1), 0, TABLE_SIZE - 1).astype(np.uint8)
-        picture[top : top + STRIP_ROWS][covered] = depth_colors()[shades]
+        # The whole strip and then what is covered: to pick the pixels takes longer than to shade the others, too.
+        np.copyto(picture[top : top + STRIP_ROWS], depth_colors().take(shades, axis=0), where=covered[..., None])
 
 
 @lru_cache(maxsize=1)
@@ -63,25 +69,34 @@ def checked_limits(limits: tuple[float, float] | None, distances: Depths) -> tup
     return float(near), float(far)
 
 
-def depth_dots(pixels: Depths, distances: Depths, size: tuple[int, int], radius: float) -> Depths:
-    """Distance (h, w) of the nearest dot over each pixel, infinite where there is none."""
-    center = np.full(size, np.inf, dtype=np.float32)
+def _nearest(pixels: Depths, distances: Depths, size: tuple[int, ...]) -> Depths:
+    """Least distance (h, w) at each pixel, infinite where there is none."""
+    nearest = np.full(size, np.inf, dtype=np.float32)
     columns, rows = np.rint(pixels).astype(np.int32).T
     cells = np.clip(rows, 0, size[0] - 1) * np.int64(size[1]) + np.clip(columns, 0, size[1] - 1)
-    np.minimum.at(center.ravel(), cells, distances)
-    depth = center.copy()
+    np.minimum.at(nearest.ravel(), cells, distances)
+    return nearest
+
+
+def _dots(nearest: Depths, rows: slice, radius: float) -> Depths:
+    """Distance of the nearest dot over each pixel of some rows of a picture (h, w)."""
+    height, width = nearest.shape
     # Of a narrow picture dots may be wider than it is.
-    below, beside = (min(int(np.ceil(radius)), side - 1) for side in size)
-    for down in range(-below, below + 1):
-        for right in range(-beside, beside + 1):
-            if 0 < down**2 + right**2 <= (radius + 0.3) ** 2:
-                into = (slice(max(down, 0), size[0] + min(down, 0)), slice(max(right, 0), size[1] + min(right, 0)))
-                out_of = (
-                    slice(max(-down, 0), size[0] + min(-down, 0)),
-                    slice(max(-right, 0), size[1] + min(-right, 0)),
-                )
-                np.minimum(depth[into], center[out_of], out=depth[into])
-    return depth
+    below, beside = min(int(np.ceil(radius)), height - 1), min(int(np.ceil(radius)), width - 1)
+    low, high = max(rows.start - below, 0), min(rows.stop + below, height)
+    # A disc is a stack of lines: the nearest within `half` columns is found once for all lines of that half width.
+    around, dots, half = nearest[low:high].copy(), nearest[rows].copy(), 0
+    for down in range(below, -1, -1):
+        square = (radius + 0.3) ** 2 - down**2
+        while half < beside and (half + 1) ** 2 <= square:
+            half += 1
+            np.minimum(around[:, half:], nearest[low:high, :-half], out=around[:, half:])
+            np.minimum(around[:, :-half], nearest[low:high, half:], out=around[:, :-half])
+        for shift in (down, -down) if square >= 0.0 else ():
+            first, last = max(rows.start + shift, 0), min(rows.stop + shift, height)
+            into = dots[max(first - shift - rows.start, 0) : max(last - shift - rows.start, 0)]
+            np.minimum(into, around[first - low : max(last, first) - low], out=into)
+    return dots
 
 
 def with_bar(picture: Bytes, near: float, far: float) -> Bytes:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from PIL import Image
 
 from regionpose.cameras import Camera
-from regionpose.fusion.colors import project_points
+from regionpose.fusion.colors import SeenPoints, seen_points
 from regionpose.geometry.pose import Pose
 from regionpose.regions.image import ImageRegion
 from regionpose.regions.world import WorldRegion
@@ -18,7 +18,7 @@ from regionpose.solve.edge_diagnostics import Alignment
 from regionpose.solve.sample_fit import SampleFit, sample_fit
 from regionpose.validation.arguments import checked_arguments
 from regionpose.validation.arrays import Array, checked_image
-from regionpose.viz.depths import checked_limits, depth_colors, depth_dots, draw_depths, with_bar
+from regionpose.viz.depths import checked_limits, depth_colors, draw_depths, with_bar
 from regionpose.viz.labels import annotated
 from regionpose.viz.pens import CASING, Bytes, Color, draw_dots, draw_lines
 from regionpose.viz.projections import projected_lines, projected_rings, repeated, visible_pieces
@@ -165,13 +165,26 @@ def overlay_depth(
     """
     colors = checked_image(image)
     camera.check_size(colors.shape)
-    pixels, distances = project_points(camera, points, pose, colors.shape[:2], hidden=False)
-    visible = np.flatnonzero(np.isfinite(distances) & (distances > 0.0))
-    near, far = checked_limits(limits_m, distances[visible])
+    seen = seen_points(camera, points, pose, colors.shape[:2])
+    return overlay_seen(colors, seen, limits_m=limits_m, radius_px=radius_px)
+
+
+def overlay_seen(
+    image: ArrayLike,
+    seen: SeenPoints,
+    *,
+    limits_m: tuple[float, float] | None = None,
+    radius_px: float | None = None,
+) -> Bytes:
+    """As `overlay_depth`, of what the image's camera sees of the points."""
+    colors = checked_image(image)
+    indices = np.flatnonzero(seen.visible & (seen.distances > 0.0))
+    distances = seen.distances[indices]
+    limits = checked_limits(limits_m, distances)
     dot = DOT_FRACTION * float(np.hypot(*colors.shape[:2])) if radius_px is None else radius_px
     picture = _dimmed(colors)
-    draw_depths(picture, depth_dots(pixels[visible], distances[visible], colors.shape[:2], dot), near, far)
-    return with_bar(picture, near, far)
+    draw_depths(picture, seen.pixels[indices], distances, dot, limits)
+    return with_bar(picture, *limits)
 
 
 def overlay_edges(image: ArrayLike, alignment: Alignment) -> Bytes:

@@ -39,13 +39,23 @@ def draw_lines(picture: Bytes, lines: Sequence[Array], width: float, color: Colo
         ]
         if not touching:
             continue
-        ink = Image.new("L", (across * SUPERSAMPLING, rows * SUPERSAMPLING))
+        left, right = _columns(np.concatenate(touching), 2.0 * width, across)
+        ink = Image.new("L", ((right - left) * SUPERSAMPLING, rows * SUPERSAMPLING))
         pen = ImageDraw.Draw(ink)
         thickness = max(1, round(width * SUPERSAMPLING))
         for line in touching:
-            places = (_drawn(line) + 0.5 - (0.0, top)) * SUPERSAMPLING - 0.5
+            places = (_drawn(line) + 0.5 - (left, top)) * SUPERSAMPLING - 0.5
             pen.line([(float(x), float(y)) for x, y in places], fill=255, width=thickness, joint="curve")
-        _blend(picture[top : top + rows], np.asarray(ink.reduce(SUPERSAMPLING)), color, opacity)
+        _blend(picture[top : top + rows, left:right], np.asarray(ink.reduce(SUPERSAMPLING)), color, opacity)
+
+
+def _columns(places: Array, margin: float, across: int) -> tuple[int, int]:
+    """The first column, and the one after the last, of so many that places (n, 2) with a margin around them may touch:
+    all of a picture are four times as long to ink as what a region fills.
+    """
+    low, high = places[:, 0].min() - margin, places[:, 0].max() + margin
+    left = int(np.clip(np.floor(low), 0, across - 1))
+    return left, int(np.clip(np.ceil(high) + 1, left + 1, across))
 
 
 def _drawn(line: Array) -> Array:
@@ -66,12 +76,13 @@ def draw_dots(picture: Bytes, places: Array, radius: float, color: Color) -> Non
         touching = places[(places[:, 1] >= top - radius) & (places[:, 1] <= top + rows + radius)]
         if not len(touching):
             continue
-        ink = Image.new("L", (across * SUPERSAMPLING, rows * SUPERSAMPLING))
+        left, right = _columns(touching, 2.0 * radius, across)
+        ink = Image.new("L", ((right - left) * SUPERSAMPLING, rows * SUPERSAMPLING))
         pen = ImageDraw.Draw(ink)
-        for x, y in (touching + 0.5 - (0.0, top)) * SUPERSAMPLING - 0.5:
+        for x, y in (touching + 0.5 - (left, top)) * SUPERSAMPLING - 0.5:
             reach = radius * SUPERSAMPLING
             pen.ellipse((float(x - reach), float(y - reach), float(x + reach), float(y + reach)), fill=255)
-        _blend(picture[top : top + rows], np.asarray(ink.reduce(SUPERSAMPLING)), color, 1.0)
+        _blend(picture[top : top + rows, left:right], np.asarray(ink.reduce(SUPERSAMPLING)), color, 1.0)
 
 
 def _blend(area: Bytes, ink: Bytes, color: Color, opacity: float) -> None:

@@ -54,22 +54,25 @@ pub fn optional<'a, 'py, T: FromPyObject<'a, 'py>>(
 
 /// Rows of an (n, D) array.
 pub fn points<const D: usize>(item: &str, object: &Bound<'_, PyAny>) -> PyResult<Vec<SVector<f64, D>>> {
+    with_points(item, object, |rows| Ok(rows.iter().map(|row| SVector::from(*row)).collect()))
+}
+
+/// What is made of the rows of an (n, D) array, which are read in place where they follow one another in memory.
+pub fn with_points<const D: usize, Made>(
+    item: &str,
+    object: &Bound<'_, PyAny>,
+    make: impl FnOnce(&[[f64; D]]) -> PyResult<Made>,
+) -> PyResult<Made> {
     let needed = format!("an (n, {D}) array");
     let array = real_array(item, object, &needed)?;
     if array.ndim() != 2 || array.shape()[1] != D {
         let found = array.shape();
         return Err(PyValueError::new_err(format!("{item} has shape {found:?}; it needs to be {needed}")));
     }
-    Ok(rows(&array))
-}
-
-/// The rows of an (n, D) array of checked shape, read in place where they follow one another in memory.
-fn rows<const D: usize>(array: &PyReadonlyArrayDyn<'_, f64>) -> Vec<SVector<f64, D>> {
-    let split = |values: &[f64]| values.as_chunks::<D>().0.iter().map(|row| SVector::from(*row)).collect();
     let view = array.as_array();
     match view.as_slice() {
-        Some(values) => split(values),
-        None => split(&view.iter().copied().collect::<Vec<f64>>()),
+        Some(values) => make(values.as_chunks().0),
+        None => make(view.iter().copied().collect::<Vec<f64>>().as_chunks().0),
     }
 }
 

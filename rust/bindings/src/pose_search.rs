@@ -8,7 +8,7 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArr
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::Error;
-use regionpose::internals::alignment::cloud_edges::{self, EdgeField, EdgeOptions};
+use regionpose::internals::alignment::cloud_edges::{self, EdgeField, EdgeOptions, SeenPoints};
 use regionpose::internals::alignment::density::PoseDensity;
 use regionpose::internals::alignment::frame::{FINEST, Frame, PhotoView, SPREADS, SPREADS_PX};
 use regionpose::internals::alignment::null_poses;
@@ -18,7 +18,7 @@ use regionpose::internals::alignment::projection;
 use regionpose::internals::alignment::search::{self, SearchOptions, SearchProgress};
 use regionpose::internals::budget::Budget;
 
-use crate::arrays::{array, covariance, matrix, points, pose, rotation, translation, value_error, vector};
+use crate::arrays::{array, covariance, matrix, points, pose, rotation, translation, value_error, vector, with_points};
 use crate::interrupts::{detached, watched_threads};
 use crate::prior::Prior;
 
@@ -98,10 +98,15 @@ impl CloudEdges {
             Some(axes) => EdgeField::cones(&self::points::<3>("axes", axes)?, angle).map_err(value_error)?,
             None => EdgeField::whole(),
         };
-        let (points, place) = (self::points::<3>("points", points)?, vector("place", place)?);
-        let shades = crate::alignment::shades_of(shades, points.len())?;
+        let place = vector("place", place)?;
+        // Under the interpreter's lock, so that nothing writes into the points, and only those within the field are copied.
+        let seen = with_points::<3, _>("points", points, |points| {
+            let shades = crate::alignment::shades_of(shades, points.len())?;
+            let places = points.iter().map(|point| Vector3::from(*point));
+            Ok(SeenPoints::new(places, shades.as_deref(), &place, &field))
+        })?;
         let options = EdgeOptions { cell, gap, step_fraction };
-        Ok(Self(py.detach(|| cloud_edges::CloudEdges::within(&points, shades.as_deref(), &place, &options, &field))))
+        Ok(Self(py.detach(|| cloud_edges::CloudEdges::of_points(&seen, &options))))
     }
 
     fn __len__(&self) -> usize {

@@ -73,6 +73,41 @@ impl EdgeField {
     }
 }
 
+/// The points of a cloud that lie within a field, with their shades if there are any, in the cloud's order.
+#[derive(Debug, Clone)]
+pub struct SeenPoints {
+    /// Where they are seen from, world coordinates, meters.
+    place: Vector3<f64>,
+    /// Relative to that.
+    local: Vec<Vector3<f64>>,
+    shades: Option<Vec<f64>>,
+}
+
+impl SeenPoints {
+    /// Those of a cloud's points (world coordinates, meters), of which each has a shade where there are any.
+    pub fn new(
+        points: impl Iterator<Item = Vector3<f64>>,
+        shades: Option<&[f64]>,
+        place: &Vector3<f64>,
+        field: &EdgeField,
+    ) -> Self {
+        let (mut local, mut kept_shades) = (Vec::new(), shades.map(|_| Vec::new()));
+        for (number, point) in points.enumerate() {
+            let point = point - place;
+            let distance = point.norm();
+            // What is left out hides nothing, either.
+            if !(distance > LEAST_DISTANCE && field.contains(&point, distance)) {
+                continue;
+            }
+            local.push(point);
+            if let (Some(kept), Some(shades)) = (&mut kept_shades, shades) {
+                kept.push(shades.get(number).copied().unwrap_or(f64::NAN));
+            }
+        }
+        Self { place: *place, local, shades: kept_shades }
+    }
+}
+
 /// By how much edges are thinned: as many are kept of each part of a cloud, however large that is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Thinning {
@@ -101,16 +136,16 @@ impl CloudEdges {
         options: &EdgeOptions,
         field: &EdgeField,
     ) -> Self {
-        let local: Vec<_> = points.iter().map(|point| point - place).collect();
-        // What is left out hides nothing, either; a point in the center is none.
-        let beyond = |point: &Vector3<f64>| {
-            let distance = point.norm();
-            if distance > LEAST_DISTANCE && field.contains(point, distance) { *point } else { Vector3::zeros() }
-        };
-        let visible = VisiblePoints::new(&local.iter().map(beyond).collect::<Vec<_>>(), options.cell, options.gap);
+        Self::of_points(&SeenPoints::new(points.iter().copied(), shades, place, field), options)
+    }
+
+    /// The same of points that were picked before.
+    pub fn of_points(seen: &SeenPoints, options: &EdgeOptions) -> Self {
+        let visible = VisiblePoints::new(&seen.local, options.cell, options.gap);
         let mut steps = visible.depth_steps(options.step_fraction);
+        let shades = seen.shades.as_ref();
         steps.extend(shades.map_or(Vec::new(), |shades| visible.shade_steps(shades, options.step_fraction)));
-        Self::of(&steps, place)
+        Self::of(&steps, &seen.place)
     }
 
     /// The edges of steps as seen from a place.
