@@ -58,8 +58,8 @@ def sparse_sampling_handler(handle: Callable[[str], object]) -> Iterator[None]:
         _handler.reset(token)
 
 
-def _warn(message: str) -> None:
-    """Pass the message to the handler, else warn at the calling line outside of the package."""
+def warn_of_sampling(message: str) -> None:
+    """Pass a message on sparse samples to the handler, else warn at the calling line outside of the package."""
     handle = _handler.get()
     if handle is not None:
         handle(message)
@@ -174,7 +174,7 @@ def _warn_of_few_rows(even: Array, spacing: float, shrunk: float) -> None:
     rows = round(float(np.ptp((even - even.mean(axis=0)) @ width.T, axis=0).min()) / spacing) + 1
     deviation = 1.0 / (np.sqrt(6.0) * rows)
     if deviation > SPARSE_FRACTION:
-        _warn(
+        warn_of_sampling(
             f"about {rows} rows of samples, {spacing / shrunk:.2g} m apart, cross the patch: its area is known to"
             f" {100.0 * deviation:.0f} %, and parts narrower than {2.0 * spacing / shrunk:.2g} m may be missing"
         )
@@ -186,7 +186,7 @@ def _warn_of_lost_samples(even: Array, rings: list[Array]) -> None:
     shapely.prepare(around)
     lost = 1.0 - float(shapely.intersects_xy(around, even[:, 0], even[:, 1]).mean())
     if lost > SPARSE_FRACTION:
-        _warn(
+        warn_of_sampling(
             f"{100.0 * lost:.0f} % of {len(even)} points lie outside the outline: the patch falls into parts where it"
             " is narrower than two gaps between samples"
         )

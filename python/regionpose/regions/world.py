@@ -183,7 +183,7 @@ class WorldRegion:
             raise ValueError(f"outside has shape {beside.shape}; needed (n, 3) with at least one place")
         check_coordinates(beside, "outside point")
         plane = plane_samples(inside)
-        region = cls._on_plane(plane.origin, plane.axes, _start_outline(plane.flat))
+        region = cls._on_plane(plane.origin, plane.axes, _start_outline(plane.flat)[0])
         within = enclosed(plane.flat, (beside - plane.origin) @ plane.axes[:2].T)
         inside = plane.origin + plane.flat @ plane.axes[:2]
         return region._derived("with_samples", inside, beside[~within], beside[within])
@@ -228,7 +228,7 @@ class WorldRegion:
         ValueError
             For indices that are no members of the scan, directions without a length, and as of `from_points`.
         """
-        from regionpose.regions.outline import flat_outline
+        from regionpose.regions.outline import warn_of_sampling
         from regionpose.regions.plane_samples import plane_samples
         from regionpose.regions.scan_line import line_samples
         from regionpose.regions.scan_samples import scan_samples
@@ -242,10 +242,12 @@ class WorldRegion:
             strip = cls._on_plane(line.plane.origin, line.plane.axes, [line.strip])
             return strip._derived("with_samples", *line.plane.lifted(line.samples), is_line=True)
         plane = plane_samples(cloud[numbers], sensor_origin)
-        rings = _start_outline(plane.flat)
+        rings, remarks = _start_outline(plane.flat)
         samples = scan_samples(cloud, numbers, plane, rings, sensor_origin, extends, absent)
         if samples is None:
-            return cls._on_plane(plane.origin, plane.axes, flat_outline(plane.flat))
+            for remark in remarks:
+                warn_of_sampling(remark)
+            return cls._on_plane(plane.origin, plane.axes, rings)
         return cls._on_plane(plane.origin, plane.axes, rings)._derived("with_samples", *plane.lifted(samples))
 
     @classmethod
@@ -373,12 +375,15 @@ def _copied(given: Given) -> Given:
     return [np.array(each) for each in given] if isinstance(given, list) else np.array(given)
 
 
-def _start_outline(flat: Array) -> list[Array]:
-    """The outline of samples (n, 2) that count themselves: how sparse they are is no matter."""
+def _start_outline(flat: Array) -> tuple[list[Array], list[str]]:
+    """The outline of samples (n, 2), and what is to be warned of unless they count themselves: how sparse they are is
+    no matter then.
+    """
     from regionpose.regions.outline import flat_outline, sparse_sampling_handler
 
-    with sparse_sampling_handler(lambda _: None):
-        return flat_outline(flat)
+    remarks: list[str] = []
+    with sparse_sampling_handler(remarks.append):
+        return flat_outline(flat), remarks
 
 
 def _unit_vectors(values: ArrayLike, name: str) -> Array:

@@ -26,7 +26,7 @@ from regionpose.scene.result import scene_result, seconds_values
 from regionpose.scene.solver_config import given_pose
 from regionpose.scene.stages import Stages
 from regionpose.viz.overlays import overlay_depth, overlay_edges, overlay_regions, overlay_seen
-from regionpose.viz.splat import splatted, viewpoints
+from regionpose.viz.splat import drawn_points, splatted, viewpoints
 
 Colors = NDArray[np.uint8]
 
@@ -252,14 +252,15 @@ def cloud_views(run: SceneEstimate, cloud: Cloud, visible: NDArray[np.bool_]) ->
     pose = run.local_pose
     up = run.scene.model.prior.up
     direction = -pose.rotation.inv().apply([0.0, 1.0, 0.0]) if up is None else np.asarray(up, dtype=np.float64)
-    colors = np.where(visible[:, None], cloud.colors, _grays(cloud)[:, None]).astype(np.uint8)
+    shown, drawn = drawn_points(visible), drawn_points(cloud.local_points)
+    colors = np.where(shown[:, None], drawn_points(cloud.colors), drawn_points(_grays(cloud))[:, None]).astype(np.uint8)
     views = viewpoints(cloud.local_points[visible], pose.camera_center, direction)
     captions = (
         "The colored cloud, seen from the camera's left",
         "The colored cloud, seen from the camera's right and above",
     )
     return [
-        Figure(splatted(cloud.local_points, colors, view), f"{caption}; gray: not in the image.")
+        Figure(splatted(drawn, colors, view), f"{caption}; gray: not in the image.")
         for view, caption in zip(views, captions, strict=True)
     ]
 

@@ -11,7 +11,7 @@ from regionpose.progress import Progress
 from regionpose.regions.plane_samples import plane_samples
 from regionpose.segment.narrow_parts import without_narrow_parts
 from regionpose.segment.patch import ANGLE_DEG, Indices, Patch, grown, nearest_points, start_patch
-from regionpose.validation.arrays import Array, check_coordinates, row_array
+from regionpose.validation.arrays import Array, check_coordinates, finite_rows, row_array
 
 SEED_CROWD = 96
 """A seed's nearest point has this many neighbors nearer than the seed when that marks nothing: about five spacings.
@@ -105,7 +105,7 @@ def checked_cloud(points: ArrayLike) -> Array:
     that is too far away to be calculated with.
     """
     cloud = row_array(points, "points", 3)
-    finite = int(np.isfinite(cloud).all(axis=1).sum())
+    finite = int(finite_rows(cloud).sum())
     if finite < 3:
         raise ValueError(f"{finite} of {len(cloud)} points are finite; needed at least 3")
     check_coordinates(cloud)
@@ -136,17 +136,24 @@ def started_patch(
     try:
         patch = start_patch(cloud, seed, nearest, distance, radius)
     except ValueError:
-        _check_reach(cloud, seed, nearest[0], 0.0)
+        _check_reach(cloud, seed, nearest, 0.0)
         raise
-    _check_reach(cloud, seed, nearest[0], patch.cell)
+    _check_reach(cloud, seed, nearest, patch.cell)
     return seed, patch
 
 
-def _check_reach(cloud: Array, seed: Array, nearest: np.intp, gap: float) -> None:
-    """ValueError where a seed lies farther from its nearest point than many others do, and than gaps are wide."""
-    point = cloud[nearest]
-    squares = np.sort(np.sum((cloud[nearest_points(cloud, point)] - point) ** 2, axis=1))
-    reach, around = float(np.linalg.norm(seed - point)), float(np.sqrt(squares[: SEED_CROWD + 1][-1]))
+def _check_reach(cloud: Array, seed: Array, nearest: Indices, gap: float) -> None:
+    """ValueError where a seed lies farther from its nearest point than many others do, and than gaps are wide.
+
+    `nearest`: the points nearest to the seed, the nearest first.
+    """
+    point = cloud[nearest[0]]
+    reach = float(np.linalg.norm(seed - point))
+    distances = np.sort(np.linalg.norm(cloud[nearest] - point, axis=1))[: SEED_CROWD + 1]
+    # Points beyond those nearest to the seed may be nearer to its nearest point, unless the crowd is within them.
+    if not distances[-1] + reach < float(np.linalg.norm(cloud[nearest[-1]] - seed)):
+        distances = np.sort(np.linalg.norm(cloud[nearest_points(cloud, point)] - point, axis=1))[: SEED_CROWD + 1]
+    around = float(distances[-1])
     if reach > max(around, gap):
         raise ValueError(
             f"seed {seed.tolist()} is {reach:.3g} m from the nearest point {point.round(4).tolist()}, which has"

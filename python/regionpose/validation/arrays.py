@@ -85,8 +85,20 @@ def finite_array(values: object, item: str, *shapes: tuple[int, ...]) -> Array:
     return floats
 
 
+def finite_rows(points: Array) -> NDArray[np.bool_]:
+    """Which of the points (n, k) are finite. Column by column: along rows of three it takes six times as long."""
+    finite: NDArray[np.bool_] = np.logical_and.reduce([np.isfinite(column) for column in points.T])
+    return finite
+
+
 def check_coordinates(points: Array, item: str = "point") -> None:
     """Check that finite points (n, k) are within `LARGEST_COORDINATE`; ValueError that names one."""
+    # Without temporaries as large as a cloud: seldom is one too far away.
+    if (
+        not points.size
+        or max(np.fmax.reduce(points, axis=None), -np.fmin.reduce(points, axis=None)) <= LARGEST_COORDINATE
+    ):
+        return
     far = np.flatnonzero(((points > LARGEST_COORDINATE) | (points < -LARGEST_COORDINATE)).any(axis=1))
     wrong = far[np.isfinite(points[far]).all(axis=1)]
     if len(wrong):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.color import lab2rgb, rgb2lab
 
-from regionpose.viz.pens import CASING, PAPER, STRIP_ROWS, Bytes, Text, font_for, text_size, written
+from regionpose.viz.pens import CASING, PAPER, STRIP_ROWS, Bytes, Text, font_for, text_size, write_texts
 
 Depths = NDArray[np.float32]
 
@@ -117,7 +117,8 @@ def with_bar(picture: Bytes, near: float, far: float) -> Bytes:
         y = top + int(np.log(far / tick) / np.log(far / near) * (length - 1))
         picture[max(y - line // 16, 0) : y + line // 16 + 1, left + thick : left + thick + line // 2] = PAPER
         texts.append(((left + thick + line - line // 4, y - line // 2), f"{tick:g} m", PAPER))
-    return written(picture, texts, font)
+    write_texts(picture, texts, font)
+    return picture
 
 
 def _ticks(near: float, far: float, most: int) -> list[float]:

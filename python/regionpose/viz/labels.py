@@ -18,7 +18,7 @@ from regionpose.viz.pens import (
     draw_panel,
     font_for,
     text_size,
-    written,
+    write_texts,
 )
 
 POINT_STEP = 3.0
@@ -52,7 +52,8 @@ def annotated(
             draw_panel(picture, place)
             taken.append(place)
             texts.append(((place[0] + pad, place[1] + pad), label, PAPER))
-    return written(picture, texts, font)
+    write_texts(picture, texts, font)
+    return picture
 
 
 def _dense(lines: Sequence[Array]) -> Array:

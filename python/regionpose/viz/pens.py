@@ -116,11 +116,16 @@ def draw_panel(picture: Bytes, box: Box) -> None:
     area[:] = np.round(area * (1.0 - PANEL_OPACITY) + np.array(CASING) * PANEL_OPACITY)
 
 
-def written(picture: Bytes, items: Sequence[Text], font: Font) -> Bytes:
-    """The picture with texts; each place is the upper left corner of its line."""
-    page = Image.fromarray(picture)
-    pen = ImageDraw.Draw(page)
-    for place, text, color in items:
+def write_texts(picture: Bytes, items: Sequence[Text], font: Font) -> None:
+    """Write texts on the picture, in place; each place is the upper left corner of its line."""
+    for (x, y), text, color in items:
         left, top, _, _ = font.getbbox("Ag|")
-        pen.text((place[0] - left, place[1] - top), text, fill=color, font=font)
-    return np.array(page)
+        box = font.getbbox(text)
+        # A pixel more on every side, of which anti-aliasing may touch some.
+        low = max(int(x - left + box[0]) - 1, 0), max(int(y - top + box[1]) - 1, 0)
+        area = picture[low[1] : max(int(y - top + box[3]) + 2, 0), low[0] : max(int(x - left + box[2]) + 2, 0)]
+        if not area.size:
+            continue
+        page = Image.fromarray(area)
+        ImageDraw.Draw(page).text((x - left - low[0], y - top - low[1]), text, fill=color, font=font)
+        area[:] = np.asarray(page)

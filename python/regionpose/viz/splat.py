@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from regionpose.validation.arrays import Array
 
 Colors = NDArray[np.uint8]
+Kind = TypeVar("Kind", bound=np.generic)
 
 MOST_POINTS = 400_000
 """Points drawn at most, evenly chosen: more would not show in a picture of this size."""
@@ -46,8 +48,7 @@ class Viewpoint:
 
 def splatted(points: Array, colors: Colors, view: Viewpoint, width: int = 960, height: int = 600) -> Colors:
     """The picture (height, width, 3) of points (n, 3) with colors (n, 3), seen from `view`."""
-    step = max(1, -(-len(points) // MOST_POINTS))
-    points, colors = points[::step], colors[::step]
+    points, colors = drawn_points(points), drawn_points(colors)
     in_view = (points - view.eye) @ view.rotation.T
     distance = float(np.linalg.norm(view.target - view.eye))
     kept = in_view[:, 2] > NEAREST * distance
@@ -58,6 +59,11 @@ def splatted(points: Array, colors: Colors, view: Viewpoint, width: int = 960, h
     pixels, depths, colors = pixels[inside], in_view[inside, 2], colors[inside]
     sides = np.clip(np.ceil(2.5 * distance / depths), 2, LARGEST_SPLAT).astype(np.int64)
     return _painted(pixels.astype(np.int64), depths, sides, colors, (height, width))
+
+
+def drawn_points(values: NDArray[Kind]) -> NDArray[Kind]:
+    """Those of values (n, ...) of points that belong to points that are drawn: at most `MOST_POINTS`."""
+    return values[:: max(1, -(-len(values) // MOST_POINTS))]
 
 
 def viewpoints(points: Array, camera_center: Array, up: Array) -> tuple[Viewpoint, Viewpoint]:

@@ -25,7 +25,7 @@ from regionpose.app.prior_settings import PriorSettings
 from regionpose.app.session import Session
 from regionpose.app.shared_session import SharedSession
 from regionpose.app.texts import outcome_html
-from regionpose.fusion.colors import project_points
+from regionpose.fusion.colors import seen_points
 from regionpose.io.clouds import Cloud, write_ply
 from regionpose.progress import UnwantedError, check_wanted
 from regionpose.scene.document import SceneError
@@ -131,7 +131,7 @@ def test_the_cloud_lies_over_the_photo_at_once_and_can_be_switched_off(drive: Pa
         assert run is not None and shared.depth_files[0].startswith("files/depth.jpg")
         shown = np.asarray(Image.open(io.BytesIO(shared.files["depth.jpg"].content)).convert("RGB"), dtype=np.float64)
         assert shown.shape == shared.session.image.shape, "pixels stay where they are"
-        pixels, depths = project_points(run.camera, shared.cloud.local_points, run.local_pose, shown.shape[:2])
+        pixels, depths, _ = seen_points(run.camera, shared.cloud.local_points, run.local_pose, shown.shape[:2])
         seen = np.flatnonzero(np.isfinite(depths) & (depths > 0.0))[::50]
         drawn = shown[tuple(np.round(pixels[seen][:, ::-1]).astype(int).T)]
         assert np.ptp(drawn, axis=1).mean() > 40.0, "the dots are colored, the photo below them is gray"

@@ -19,7 +19,7 @@ from regionpose.app.outcome import Outcome
 from regionpose.app.session import Session
 from regionpose.app.shared_session import SharedSession
 from regionpose.app.texts import outcome_html
-from regionpose.fusion.colors import project_points
+from regionpose.fusion.colors import seen_points
 from regionpose.progress import UnwantedError, check_wanted, while_wanted
 from regionpose.scene.estimate import with_edges
 from regionpose.scene.stages import Stages
@@ -89,7 +89,7 @@ def test_the_cloud_is_drawn_over_the_photo_at_the_current_pose(session: Session,
         first, run = shared.files["depth.jpg"], shared.outcome.run
         assert run is not None and shared.depth_files[0].startswith("files/depth.jpg")
         shown = np.asarray(Image.open(io.BytesIO(first.content)).convert("RGB"), dtype=np.float64)
-        pixels, depths = project_points(run.camera, shared.cloud.local_points, run.local_pose, shown.shape[:2])
+        pixels, depths, _ = seen_points(run.camera, shared.cloud.local_points, run.local_pose, shown.shape[:2])
         seen = np.flatnonzero(np.isfinite(depths) & (depths > 0.0))[::50]
         drawn = shown[tuple(np.round(pixels[seen][:, ::-1]).astype(int).T)]
         assert np.ptp(drawn, axis=1).mean() > 40.0, "the dots are colored, the photo below them is gray"

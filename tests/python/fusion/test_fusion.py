@@ -8,7 +8,7 @@ import regionpose as rp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from regionpose.fusion.colors import PosedImage, blend_colors, colored_cloud, colorize, project_points
+from regionpose.fusion.colors import PosedImage, blend_colors, colored_cloud, colorize, seen_points
 from regionpose.io.clouds import Cloud
 from regionpose.validation.arrays import checked_image
 from scene_files import CAMERA, HEIGHT, WIDTH
@@ -105,7 +105,7 @@ def test_no_point_of_a_hidden_wall_is_colored_and_nearly_all_others_are(
     camera = rp.PinholeCamera(721.5, 721.5, 620.0, 187.0, width=1242, height=375)
     points, on_front, is_hidden = lidar_walls(rings, np.array(center), ground)
     pose = rp.Pose(Rotation.from_matrix(SENSOR_AXES), -SENSOR_AXES @ np.array(center))
-    pixels, _ = project_points(camera, points, pose, (375, 1242))
+    pixels, _, _ = seen_points(camera, points, pose, (375, 1242))
     inside = np.isfinite(pixels).all(axis=1)
     _, visible = colorize(camera, np.full((375, 1242, 3), 200, np.uint8), points, pose)
     assert (inside & is_hidden).sum() > 50
@@ -122,8 +122,7 @@ def test_a_road_keeps_its_colors_up_to_the_horizon() -> None:
     road = np.column_stack([ranges * np.cos(azimuth), ranges * np.sin(azimuth), np.full(len(ranges), -1.7)])
     camera = rp.PinholeCamera(721.5, 721.5, 620.0, 187.0, width=1242, height=375)
     pose = rp.Pose(Rotation.from_matrix(SENSOR_AXES), SENSOR_AXES @ np.array([0.27, 0.0, -0.1]))
-    pixels, distances = project_points(camera, road, pose, (375, 1242))
-    seen = np.isfinite(project_points(camera, road, pose, (375, 1242), hidden=False)[1])
+    pixels, distances, seen = seen_points(camera, road, pose, (375, 1242))
     inside = np.isfinite(pixels).all(axis=1)
     assert distances[inside].max() > 40.0
     assert seen[inside].all()
@@ -137,7 +136,7 @@ def test_the_next_scan_line_on_a_road_is_not_behind_the_one_before() -> None:
     road = np.column_stack([ranges * np.cos(azimuth), ranges * np.sin(azimuth), np.full(len(ranges), -1.8)])
     camera = rp.PinholeCamera(1266.0, 1266.0, 816.0, 491.0, width=1600, height=900)
     pose = rp.Pose(Rotation.from_matrix(SENSOR_AXES), np.array([0.0, -0.33, -0.43]))
-    _, distances = project_points(camera, road, pose, (900, 1600))
+    _, distances, _ = seen_points(camera, road, pose, (900, 1600))
     _, visible = colorize(camera, np.zeros((900, 1600), np.uint8), road, pose)
     assert np.nanmax(distances) > 20.0
     assert visible[np.isfinite(distances)].all()
