@@ -84,6 +84,9 @@ def mask_contours(
 def flood_levels(levels: NDArray[np.uint16], start: tuple[int, int]) -> NDArray[np.uint16]:
     """The least level (h, w) at which a flood from a start (row, column) arrives at each pixel of levels (h, w)."""
 
+def png_bytes(picture: NDArray[np.uint8]) -> bytes:
+    """The bytes of a PNG file of a picture (h, w, 3)."""
+
 def contour_pieces(rings: Iterable[ArrayLike], on_border: Iterable[NDArray[np.bool_]]) -> list[NDArray[np.float64]]:
     """Means (m, 2) of equally long parts of closed rings (n, 2) in pixels, without those on edges marked (n,)."""
 

@@ -4,7 +4,7 @@ use crate::support::random::Random;
 use nalgebra::{Vector2, Vector3};
 use proptest::prelude::*;
 use regionpose::internals::alignment::blur::blurred;
-use regionpose::internals::alignment::edges::{Step, VisiblePoints};
+use regionpose::internals::alignment::edges::{self, Step, VisiblePoints};
 
 /// Between neighbors of the grid, about, rad.
 const SPACING: f64 = 0.02;
@@ -16,7 +16,7 @@ const SHARE: f64 = 0.1;
 const HALF: f64 = 0.21;
 
 fn depth_steps(points: &[Vector3<f64>]) -> Vec<Step> {
-    VisiblePoints::new(points, CELL, GAP).depth_steps(SHARE)
+    edges::depth_steps(points, CELL, GAP, SHARE)
 }
 
 fn shade_steps(points: &[Vector3<f64>], shades: &[f64]) -> Vec<Step> {
@@ -69,6 +69,22 @@ proptest! {
         // Sectors begin elsewhere, so that samples at corners may have one step more or less.
         let (one, other) = (count(&points) as f64, count(&turned) as f64);
         prop_assert!((one - other).abs() < 0.35 * one, "{one} {other}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Whether neighbors are found of all samples, or only where surfaces may end: of cards, slopes and points on their own.
+    #[test]
+    fn the_steps_are_those_of_all_points(seed in 0..1000_u64, cell in 1e-3..GAP, gap in 0.5 * GAP..2.0 * GAP) {
+        let mut random = Random::new(seed);
+        let mut points = card_and_wall(random.uniform(0.05, 0.4));
+        points.extend(on_plane(&Vector3::new(random.uniform(-1.0, 1.0), 0.3, 1.0), random.uniform(1.0, 9.0)));
+        points.extend((0..200).map(|_| Vector3::from_fn(|_, _| random.uniform(-4.0, 4.0))));
+        let steps = edges::depth_steps(&points, cell, gap, SHARE);
+        prop_assert!(!steps.is_empty());
+        prop_assert_eq!(steps, VisiblePoints::new(&points, cell, gap).depth_steps(SHARE));
     }
 }
 

@@ -64,9 +64,13 @@ class EdgeFrame:
         """
         check_wanted()
         frame = self.core if with_regions else self._core_beside_regions
-        angle = self._half_field + np.radians(margin_deg)
+        angle = float(self._half_field + np.radians(margin_deg))
         axes = np.array([pose.rotation.as_matrix()[2] for pose in poses])
-        return frame.with_edges(self._edges(center, axes, float(angle)))
+        # What a pose is found by is asked for again by what is compared with it.
+        key = center.tobytes(), axes.tobytes(), angle
+        if key not in self._visible_edges:
+            self._visible_edges[key] = self._edges(center, axes, angle)
+        return frame.with_edges(self._visible_edges[key])
 
     def zoomed(self, frame: _core.AlignmentFrame, log_focal: float) -> _core.AlignmentFrame:
         """One of these frames as a camera of longer focal lengths would have it, by their logarithm over the given
@@ -142,6 +146,11 @@ class EdgeFrame:
     @cached_property
     def _half_field(self) -> float:
         return half_field(self.camera, self._frame.photo)
+
+    @cached_property
+    def _visible_edges(self) -> dict[tuple[bytes, bytes, float], _core.CloudEdges]:
+        """Edges by the center and the axes that they were detected for, and the angle about these."""
+        return {}
 
     @cached_property
     def _near_edges(self) -> _core.CloudEdges:

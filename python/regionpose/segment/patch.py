@@ -264,27 +264,39 @@ def _refitted(cloud: Array, patch: Patch, members: Indices) -> Patch:
 
 def _joined(cloud: Array, patch: Patch, seed: Array, reach: float, angle_deg: float) -> Indices:
     """Members of the patch within `reach` of the seed along its plane: connected to the seed by cells of its normal."""
-    heights = cloud @ patch.axes[2] - patch.origin @ patch.axes[2]
     cell = max(patch.cell, 2.0 * reach / MOST_CELLS)
-    near = np.flatnonzero(np.abs(heights) <= cell)
+    near, heights = _near_plane(cloud, patch, cell)
     flat = (cloud[near] - seed) @ patch.axes[:2].T
     within = (np.abs(flat) <= reach).all(axis=1)
-    near, flat = near[within], flat[within]
+    near, heights, flat = near[within], heights[within], flat[within]
     cells = np.floor((flat + reach) / cell).astype(np.intp)
-    on_plane = np.abs(heights[near]) <= patch.distance
+    on_plane = np.abs(heights) <= patch.distance
     middle = np.full(2, int(reach / cell))
     # Normals are taken where the patch can reach alone: the rest of the plane may be a hundred times as large.
     around = _surroundings(cells[on_plane], middle, int(np.ceil(2.0 * reach / cell)) + 1)
     low, shape = around.low, (around.cells.shape[0], around.cells.shape[1])
     inside = np.flatnonzero(((cells >= low) & (cells < low + shape)).all(axis=1))
     inside = inside[around.cells[tuple((cells[inside] - low).T)]]
-    near, flat, cells, on_plane = near[inside], flat[inside], cells[inside] - low, on_plane[inside]
+    near, heights, on_plane = near[inside], heights[inside], on_plane[inside]
+    flat, cells = flat[inside], cells[inside] - low
     occupied = filled_cells(cells[on_plane], shape)
-    core = occupied & cells_along(np.column_stack([flat, heights[near]]), cells, shape, angle_deg)
+    core = occupied & cells_along(np.column_stack([flat, heights]), cells, shape, angle_deg)
     core = _connected(core, middle - low)
     rim = ndimage.binary_dilation(core, np.ones((3, 3), dtype=np.bool_), iterations=RIM_CELLS, mask=occupied)
     kept: Indices = near[on_plane & rim[tuple(cells.T)]]
     return kept
+
+
+def _near_plane(cloud: Array, patch: Patch, distance: float) -> tuple[Indices, Array]:
+    """Indices, ascending, of the points within a distance of a patch's plane, and their heights over it."""
+    normal, parts = patch.axes[2], []
+    offset = patch.origin @ normal
+    for start in range(0, len(cloud), BLOCK):
+        heights = cloud[start : start + BLOCK] @ normal - offset
+        near = np.flatnonzero(np.abs(heights) <= distance)
+        parts.append((near + start, heights[near]))
+    near, heights = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return near, heights
 
 
 class Surroundings(NamedTuple):

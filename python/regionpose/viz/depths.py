@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.color import lab2rgb, rgb2lab
 
-from regionpose.viz.pens import CASING, PAPER, STRIP_ROWS, Bytes, Text, font_for, text_size, write_texts
+from regionpose.viz.pens import CASING, PAPER, Bytes, Text, font_for, text_size, write_texts
 
 Depths = NDArray[np.float32]
 
@@ -23,20 +23,24 @@ DEPTH_PERCENTILES = (1.0, 99.0)
 """The range of colors leaves single stray points out."""
 
 
+DOT_ROWS = 128
+"""Rows of a picture that are drawn at a time, so that a large one needs little memory."""
+
+
 def draw_depths(picture: Bytes, pixels: Depths, distances: Depths, radius: float, limits: tuple[float, float]) -> None:
     """Color dots of a radius around pixels (n, 2) of a picture (h, w, 3) by their distances (n,) within limits, meters,
     in place; the nearest is in front.
     """
     near, far = limits
     nearest = _nearest(pixels, distances, picture.shape[:2])
-    for top in range(0, len(picture), STRIP_ROWS):
-        strip = _dots(nearest, slice(top, min(top + STRIP_ROWS, len(picture))), radius)
+    for top in range(0, len(picture), DOT_ROWS):
+        strip = _dots(nearest, slice(top, min(top + DOT_ROWS, len(picture))), radius)
         covered = np.isfinite(strip)
         with np.errstate(divide="ignore"):
             fraction = np.log(far / strip) / np.float32(np.log(far / near))
         shades = np.clip(fraction * (TABLE_SIZE - 1), 0, TABLE_SIZE - 1).astype(np.uint8)
         # The whole strip and then what is covered: to pick the pixels takes longer than to shade the others, too.
-        np.copyto(picture[top : top + STRIP_ROWS], depth_colors().take(shades, axis=0), where=covered[..., None])
+        np.copyto(picture[top : top + DOT_ROWS], depth_colors().take(shades, axis=0), where=covered[..., None])
 
 
 @lru_cache(maxsize=1)

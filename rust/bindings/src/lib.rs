@@ -10,6 +10,7 @@ mod interrupts;
 mod masks;
 mod mesh;
 mod moments;
+mod pictures;
 mod pose_search;
 mod poses;
 mod prior;
@@ -35,6 +36,8 @@ mod _core {
         mesh_planar_moments, mesh_spherical_moments, pixel_moments, planar_moments, quad_solid_angles,
         spherical_moments,
     };
+    #[pymodule_export]
+    use crate::pictures::png_bytes;
     #[pymodule_export]
     use crate::pose_search::{
         AlignmentFrame, CloudEdges, Density, LocalWeights, Projection, edge_spreads, search_poses,

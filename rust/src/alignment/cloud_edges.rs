@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use nalgebra::Vector3;
 
-use super::edges::{Step, VisiblePoints};
+use super::edges::{self, Step, VisiblePoints};
 use super::groups::{Floats, GROUP};
 use crate::error::{Error, Result};
 use crate::geometry::pose::Pose;
@@ -141,10 +141,14 @@ impl CloudEdges {
 
     /// The same of points that were picked before.
     pub fn of_points(seen: &SeenPoints, options: &EdgeOptions) -> Self {
-        let visible = VisiblePoints::new(&seen.local, options.cell, options.gap);
-        let mut steps = visible.depth_steps(options.step_fraction);
-        let shades = seen.shades.as_ref();
-        steps.extend(shades.map_or(Vec::new(), |shades| visible.shade_steps(shades, options.step_fraction)));
+        let EdgeOptions { cell, gap, step_fraction } = *options;
+        let steps = match &seen.shades {
+            None => edges::depth_steps(&seen.local, cell, gap, step_fraction),
+            Some(shades) => {
+                let visible = VisiblePoints::new(&seen.local, cell, gap);
+                [visible.depth_steps(step_fraction), visible.shade_steps(shades, step_fraction)].concat()
+            }
+        };
         Self::of(&steps, &seen.place)
     }
 

@@ -2,6 +2,9 @@
 //! where the shade of a surface changes (`docs/math.md`, section 18).
 
 use std::array;
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
+use std::mem;
 use std::ops::Range;
 
 use nalgebra::Vector3;
@@ -48,6 +51,89 @@ impl Sample {
             inverse: range.recip(),
             point: number,
         })
+    }
+}
+
+/// The steps of depth of points, as of [`VisiblePoints`]: neighbors are found only where surfaces may end.
+pub fn depth_steps(points: &[Vector3<f64>], cell: f64, gap: f64, step_fraction: f64) -> Vec<Step> {
+    // Points of a cell may lie in neighboring buckets, but no farther apart.
+    let near = if cell <= gap { near_steps(points, gap, step_fraction) } else { points.to_vec() };
+    VisiblePoints::new(&near, cell, gap).depth_steps(step_fraction)
+}
+
+/// The points, in their order, that decide on steps of depth.
+///
+/// A step goes from a sample to a neighbor that is farther by a fraction of the inverse distance: only from buckets about which some
+/// point is that much farther. What their samples are and what these have for neighbors is decided within two buckets.
+fn near_steps(points: &[Vector3<f64>], gap: f64, step_fraction: f64) -> Vec<Vector3<f64>> {
+    let mut buckets = DepthBuckets::default();
+    let held: Vec<u32> = points.iter().map(|point| buckets.insert(point, gap)).collect();
+    let has_steps = |bucket: &usize| {
+        let [_, nearest] = buckets.inverses[*bucket];
+        let farthest = buckets.around(*bucket).map(|other| buckets.inverses[other][0]).fold(f64::INFINITY, f64::min);
+        farthest < (1.0 - step_fraction) * nearest * (1.0 + ROUNDING)
+    };
+    let mut kept: Vec<usize> = (0..buckets.cells.len()).filter(has_steps).collect();
+    let mut is_kept = vec![false; buckets.cells.len()];
+    for _ in 0..2 {
+        let beside: Vec<usize> = kept.iter().flat_map(|bucket| buckets.around(*bucket)).collect();
+        kept = beside.into_iter().filter(|bucket| !mem::replace(&mut is_kept[*bucket], true)).collect();
+    }
+    let pairs = points.iter().zip(held);
+    pairs.filter(|(_, bucket)| is_kept.get(*bucket as usize) == Some(&true)).map(|(point, _)| *point).collect()
+}
+
+/// Relative slack of comparisons of depths, above all rounding of theirs.
+const ROUNDING: f64 = 1e-9;
+
+/// Cells of bearings as large as the widest gap, numbered as they are met.
+#[derive(Default)]
+struct DepthBuckets {
+    numbers: HashMap<(i32, i32, i32), u32, BuildHasherDefault<CellHasher>>,
+    cells: Vec<[i32; 3]>,
+    /// Least and largest inverse distance of the points in each.
+    inverses: Vec<[f64; 2]>,
+}
+
+impl DepthBuckets {
+    /// The number of the bucket of a point, which counts in it; `u32::MAX` of one that is no sample.
+    fn insert(&mut self, point: &Vector3<f64>, gap: f64) -> u32 {
+        let Some(Sample { bearing, inverse, .. }) = Sample::new(0, point) else { return u32::MAX };
+        let [x, y, z] = array::from_fn(|axis| whole_below(bearing[axis] / gap));
+        let number = *self.numbers.entry((x, y, z)).or_insert_with(|| {
+            self.cells.push([x, y, z]);
+            self.inverses.push([f64::INFINITY, 0.0]);
+            (self.cells.len() - 1) as u32
+        });
+        let [least, largest] = &mut self.inverses[number as usize];
+        (*least, *largest) = (least.min(inverse), largest.max(inverse));
+        number
+    }
+
+    /// The numbers of a bucket and of those beside it that hold points.
+    fn around(&self, bucket: usize) -> impl Iterator<Item = usize> {
+        let [x, y, z] = self.cells[bucket];
+        let beside = (0..27).filter_map(move |k| self.numbers.get(&(x + k / 9 - 1, y + k / 3 % 3 - 1, z + k % 3 - 1)));
+        beside.map(|number| *number as usize)
+    }
+}
+
+/// Hash of three small whole numbers: a multiplication each, where the standard one takes as long as all else about a point.
+#[derive(Default)]
+struct CellHasher(u64);
+
+impl Hasher for CellHasher {
+    fn write(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|byte| self.write_i32(i32::from(*byte)));
+    }
+
+    fn write_i32(&mut self, value: i32) {
+        // The golden ratio in 64 bits (Fibonacci hashing, Knuth).
+        self.0 = (self.0.rotate_left(5) ^ u64::from(value as u32)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    }
+
+    fn finish(&self) -> u64 {
+        self.0 ^ self.0 >> 32
     }
 }
 
