@@ -247,14 +247,14 @@ def overlay_of(
 
 def cloud_views(run: SceneEstimate, cloud: Cloud, visible: NDArray[np.bool_]) -> list[Figure]:
     """The colored cloud from two viewpoints beside the camera's; points without color are gray."""
-    if not visible.any() or cloud.colors is None:
+    shown, drawn = drawn_points(visible), drawn_points(cloud.local_points)
+    if not shown.any() or cloud.colors is None:
         return []
     pose = run.local_pose
     up = run.scene.model.prior.up
     direction = -pose.rotation.inv().apply([0.0, 1.0, 0.0]) if up is None else np.asarray(up, dtype=np.float64)
-    shown, drawn = drawn_points(visible), drawn_points(cloud.local_points)
     colors = np.where(shown[:, None], drawn_points(cloud.colors), drawn_points(_grays(cloud))[:, None]).astype(np.uint8)
-    views = viewpoints(cloud.local_points[visible], pose.camera_center, direction)
+    views = viewpoints(drawn[shown], pose.camera_center, direction)
     captions = (
         "The colored cloud, seen from the camera's left",
         "The colored cloud, seen from the camera's right and above",

@@ -5,6 +5,7 @@ Near the outline each pixel's color is taken as a mixture of both sides' colors 
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -138,10 +139,24 @@ def _full_size(image: NDArray[np.generic], reduced: Reduced, growth: Growth, lin
 def _linear(values: NDArray[np.generic], linear_light: bool) -> Floats:
     """Linear light in [0, 1] with three channels, of sRGB values (IEC 61966-2-1) or of linear values."""
     scale = {"uint8": 255.0, "uint16": 65535.0}.get(str(values.dtype), 1.0)
-    level = np.asarray(values, dtype=np.float32) / np.float32(scale)
-    if not linear_light:
-        level = np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    if linear_light:
+        level = np.asarray(values, dtype=np.float32) / np.float32(scale)
+    elif values.dtype == np.uint8:
+        level = _linear_bytes().take(values.astype(np.intp))
+    else:
+        level = _light(np.asarray(values, dtype=np.float32) / np.float32(scale))
     return np.asarray(level if level.shape[-1:] == (3,) else np.repeat(level[..., None], 3, axis=-1))
+
+
+@lru_cache(maxsize=1)
+def _linear_bytes() -> Floats:
+    """Linear light of the 256 sRGB values."""
+    return _light(np.arange(256, dtype=np.float32) / np.float32(255.0))
+
+
+def _light(level: Floats) -> Floats:
+    """Linear light in [0, 1] of sRGB levels in [0, 1]."""
+    return np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
 def _color_distance(values: NDArray[np.generic], color: Floats) -> Floats:

@@ -108,9 +108,11 @@ def _painted(
             owners.append(owner[inside])
     if cells:
         cell, rank, owner = np.concatenate(cells), np.concatenate(ranks), np.concatenate(owners)
-        nearest = np.lexsort((rank, cell))
-        first = np.unique(cell[nearest], return_index=True)[1]
-        picture.reshape(-1, 3)[cell[nearest][first]] = colors[owner[nearest][first]]
+        least = np.full(height * width, np.inf)
+        np.minimum.at(least, cell, rank)
+        # Of equal ones the first, which is written last.
+        nearest = np.flatnonzero(rank == least[cell])[::-1]
+        picture.reshape(-1, 3)[cell[nearest]] = colors[owner[nearest]]
     return picture
 
 

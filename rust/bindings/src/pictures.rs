@@ -18,7 +18,10 @@ pub fn png_bytes<'py>(py: Python<'py>, picture: PyReadonlyArray3<'py, u8>) -> Py
     let &[height, width, channels] = picture.shape() else { unreachable!("three axes by its type") };
     let sizes = [height, width].map(u32::try_from);
     let (&[Ok(rows), Ok(columns)], 3) = (&sizes, channels) else {
-        return Err(PyValueError::new_err(format!("picture has shape {:?}; it needs to be (h, w, 3)", picture.shape())));
+        return Err(PyValueError::new_err(format!(
+            "picture has shape {:?}; it needs to be (h, w, 3)",
+            picture.shape()
+        )));
     };
     let refused = |error: EncodingError| PyValueError::new_err(format!("picture: {error}"));
     let mut bytes = Vec::new();

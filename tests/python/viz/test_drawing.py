@@ -2,7 +2,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
+from regionpose.io import png
+from regionpose.io.outputs.whole_file import whole_file
 from regionpose.io.png import save_png
 from regionpose.viz.overlays import OBSERVED, PROJECTED, depth_colors, overlay_depth, overlay_regions
 from scene_files import CAMERA, HEIGHT, PLATES, POSE, WIDTH
@@ -162,11 +163,12 @@ def test_a_picture_is_saved_whole_or_not_at_all(tmp_path: Path, monkeypatch: pyt
     with pytest.raises(FileExistsError, match=r"a\.png"):
         save_png(path, GRAY // 2)
 
-    def fails(self: Image.Image, file: Any, **_: object) -> None:
-        file.write(b"half")
-        raise OSError("disk full")
+    def fails(path: Path, *, overwrite: bool) -> None:
+        with whole_file(path, overwrite=overwrite) as file:
+            file.write(b"half")
+            raise OSError("disk full")
 
-    monkeypatch.setattr(Image.Image, "save", fails)
+    monkeypatch.setattr(png, "whole_file", fails)
     for name in ("a.png", "b.png"):
         with pytest.raises(OSError, match="disk full"):
             save_png(tmp_path / name, GRAY // 2, overwrite=True)
