@@ -39,6 +39,7 @@ __all__ = [
     "pixel_moments",
     "planar_moments",
     "plane_rings",
+    "png_bytes",
     "quad_solid_angles",
     "retract_pose",
     "robust_plane",

@@ -83,7 +83,6 @@ proptest! {
         points.extend(on_plane(&Vector3::new(random.uniform(-1.0, 1.0), 0.3, 1.0), random.uniform(1.0, 9.0)));
         points.extend((0..200).map(|_| Vector3::from_fn(|_, _| random.uniform(-4.0, 4.0))));
         let steps = edges::depth_steps(&points, cell, gap, SHARE);
-        prop_assert!(!steps.is_empty());
         prop_assert_eq!(steps, VisiblePoints::new(&points, cell, gap).depth_steps(SHARE));
     }
 }
