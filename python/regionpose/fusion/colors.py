@@ -24,7 +24,7 @@ Mask = NDArray[np.bool_]
 VISIBLE_FIELD = "visible"
 
 BLOCK = 1 << 14
-"""Points mapped at a time, so that their temporaries stay in the processor's cache: a fifth less time than in blocks of
+"""Points mapped at a time, so that their temporaries stay in the processor's cache: half the time of blocks of
 2^18 (`python -m benchmarks.scale --stages colorize`)."""
 
 DEPTH_TOLERANCE = 0.03

@@ -20,7 +20,7 @@ LARGEST_SIDE = 1600
 """Pictures are scaled down to this, pixels: wide enough to inspect edges, small enough to mail."""
 
 REDUCING_GAP = 1.5
-"""Large pictures are first averaged to at least so many times that size, which takes a quarter of the time."""
+"""Large pictures are first averaged to at least so many times that size, which takes a third of the time."""
 
 JPEG_QUALITY = 88
 

@@ -27,6 +27,8 @@ pub fn png_bytes<'py>(py: Python<'py>, picture: PyReadonlyArray3<'py, u8>) -> Py
     let mut bytes = Vec::new();
     let mut encoder = Encoder::new(&mut bytes, columns, rows);
     encoder.set_color(ColorType::Rgb);
+    // Measured on the demo's `overlay.png` and `depth.png`, on a noisy photo and a depth picture of 24 megapixels: 0.2 to 0.3 of the time
+    // of zlib with runs alone (`Z_RLE`), and 1.06 to 1.18 times its bytes.
     encoder.set_compression(Compression::Fastest);
     encoder.set_filter(Filter::Adaptive);
     let mut header = encoder.write_header().map_err(refused)?;
