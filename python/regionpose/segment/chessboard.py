@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -35,8 +36,12 @@ SCALES = 3
 STARTS = 300
 """Corners nearest to the click from which a grid is begun: more than noise makes within a square. Most end at once."""
 
+NEAREST = 24
+"""Corners around each one among which its neighbors are looked for: eight of a board's are as near, and the next one of
+a board seen at 80 deg is the fifth or so beyond; noise adds some."""
+
 NEIGHBORS = 12
-"""Corners around the first one among which its neighbors are looked for."""
+"""The same around the first one of a grid."""
 
 STEP_TOLERANCE = 0.35
 """Distance of a corner from where it is predicted, in steps. A step is a fifth longer than the next where the board is
@@ -63,6 +68,28 @@ FEWEST = 3
 """Corners along each side of a grid at the least; a checkered scrap has fewer by chance."""
 
 
+class Links(NamedTuple):
+    """Corners, a tree of them, the nearest (n, k) around each, nearest first, and to which of these the edge of a
+    square runs (n, k).
+    """
+
+    corners: Corners
+    tree: cKDTree
+    near: Indices
+    is_linked: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, corners: Corners) -> Links:
+        """Those of corners."""
+        tree, count = cKDTree(corners.places), min(NEAREST + 1, len(corners.places))
+        if count < FEWEST**2:
+            none = np.zeros((count, 0), dtype=np.intp)
+            return cls(corners, tree, none, none.astype(np.bool_))
+        near = np.asarray(tree.query(corners.places, count)[1], dtype=np.intp).reshape(-1, count)[:, 1:]
+        ones = np.repeat(np.arange(len(near)), near.shape[1])
+        return cls(corners, tree, near, _linked(corners, ones, near.ravel()).reshape(near.shape))
+
+
 def chessboard_around(image: NDArray[np.uint8], seed: tuple[float, float]) -> list[Array]:
     """The outlines (n, 2), pixels, of the chessboard around a pixel (x, y) of a photo (h, w, 3) uint8.
 
@@ -84,39 +111,40 @@ def chessboard_around(image: NDArray[np.uint8], seed: tuple[float, float]) -> li
 
 def _grids_at(photo: Content[np.uint8], seed: tuple[float, float], factor: int) -> Iterator[Array]:
     """Grids (rows, columns, 2) of pixels around one, found in a photo that is averaged down by a factor."""
-    for grid in _grids_around(_corners_at(photo, factor), (np.array(seed) + 0.5) / factor - 0.5):
+    for grid in _grids_around(_links_at(photo, factor), (np.array(seed) + 0.5) / factor - 0.5):
         yield (grid + 0.5) * factor - 0.5
 
 
 @lru_cache(maxsize=SCALES)
-def _corners_at(photo: Content[np.uint8], factor: int) -> Corners:
-    """The corners of a photo that is averaged down by a factor, found once for all clicks."""
+def _links_at(photo: Content[np.uint8], factor: int) -> Links:
+    """The linked corners of a photo that is averaged down by a factor, found once for all clicks."""
     gray = Image.fromarray(photo.array).convert("L")
-    return x_corners(np.asarray(gray.reduce(factor) if factor > 1 else gray))
+    return Links.of(x_corners(np.asarray(gray.reduce(factor) if factor > 1 else gray)))
 
 
-def _grids_around(corners: Corners, place: Array) -> Iterator[Array]:
+def _grids_around(links: Links, place: Array) -> Iterator[Array]:
     """Full grids (rows, columns, 2) of corners whose boards may hold a place."""
-    if len(corners.places) < FEWEST**2:
+    corners = links.corners
+    if not links.near.size:
         return
-    tree = cKDTree(corners.places)
     tried: set[int] = set()
-    starts = np.atleast_1d(tree.query(place, min(STARTS, len(corners.places)))[1])
-    for start, steps in _first_steps(corners, tree, starts):
+    starts = np.atleast_1d(links.tree.query(place, min(STARTS, len(corners.places)))[1])
+    for start, steps in _first_steps(links, starts):
         if start in tried:
             continue
-        cells = _followed(corners, tree, start, steps)
+        cells = _followed(links, start, steps)
         tried.update(cells.values())
         grid = _full_grid(corners, cells)
         if grid is not None and _holds(_outline(grid, _rectangle(grid, 1.0 + BEYOND)), place):
             yield grid
 
 
-def _followed(corners: Corners, tree: cKDTree, start: int, steps: Array) -> dict[Cell, int]:
+def _followed(links: Links, start: int, steps: Array) -> dict[Cell, int]:
     """The corners that are reached from one of them over the squares' edges, by their places in the grid; `steps`
     (2, 2): the first ones.
     """
     cells: dict[Cell, int] = {(0, 0): start}
+    reached = {start}
     queue = deque([(0, 0)])
     while queue:
         cell = queue.popleft()
@@ -124,19 +152,18 @@ def _followed(corners: Corners, tree: cKDTree, start: int, steps: Array) -> dict
             beyond = (cell[0] + direction[0], cell[1] + direction[1])
             if beyond in cells:
                 continue
-            step = _step(corners, cells, cell, direction, steps)
-            found = _neighbor(corners, tree, cells[cell], step)
-            if found is not None and found not in cells.values():
+            found = _neighbor(links, cells[cell], _step(links.corners, cells, cell, direction, steps))
+            if found is not None and found not in reached:
                 cells[beyond] = found
+                reached.add(found)
                 queue.append(beyond)
     return cells
 
 
-def _first_steps(corners: Corners, tree: cKDTree, starts: Indices) -> Iterator[tuple[int, Array]]:
+def _first_steps(links: Links, starts: Indices) -> Iterator[tuple[int, Array]]:
     """Those of some corners (n,) that have neighbors in both directions of the grid, with the steps (2, 2) to these."""
-    near = np.asarray(tree.query(corners.places[starts], min(NEIGHBORS + 1, len(corners.places)))[1])[:, 1:]
-    ones = np.repeat(starts, near.shape[1])
-    linked = _linked(corners, ones, near.ravel()).reshape(near.shape)
+    corners = links.corners
+    near, linked = (each[starts, :NEIGHBORS] for each in (links.near, links.is_linked))
     steps = corners.places[near] - corners.places[starts][:, None]
     lengths, first = np.hypot(steps[..., 0], steps[..., 1]), np.argmax(linked, axis=1)
     x, y, length = (np.take_along_axis(each, first[:, None], axis=1) for each in (*np.moveaxis(steps, 2, 0), lengths))
@@ -159,16 +186,16 @@ def _step(corners: Corners, cells: dict[Cell, int], cell: Cell, direction: Cell,
     return np.asarray((down + right) * steps[0 if down else 1])
 
 
-def _neighbor(corners: Corners, tree: cKDTree, corner: int, step: Array) -> int | None:
+def _neighbor(links: Links, corner: int, step: Array) -> int | None:
     """The corner about a step from another, over an edge of a square; None where there's none."""
-    reach = STEP_TOLERANCE * float(np.hypot(*step))
-    predicted = corners.places[corner] + step
-    near = tree.query_ball_point(predicted, reach)
-    near = np.array([other for other in near if other != corner], dtype=np.intp)
+    places, near = links.corners.places, links.near[corner][links.is_linked[corner]]
     if not len(near):
         return None
-    near = near[np.argsort(np.hypot(*(corners.places[near] - predicted).T), kind="stable")]
-    return next(iter(near[_linked(corners, np.full(len(near), corner), near)].tolist()), None)
+    off = places[near] - (places[corner] + step)
+    squares = off[:, 0] ** 2 + off[:, 1] ** 2
+    nearest = int(np.argmin(squares))
+    is_there = squares[nearest] <= STEP_TOLERANCE**2 * (step[0] ** 2 + step[1] ** 2)
+    return int(near[nearest]) if is_there else None
 
 
 def _linked(corners: Corners, ones: Indices, others: Indices) -> NDArray[np.bool_]:
