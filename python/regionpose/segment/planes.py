@@ -26,7 +26,7 @@ from regionpose.segment.patch import (
     grown,
     start_patch,
 )
-from regionpose.validation.arrays import Array
+from regionpose.validation.arrays import Array, finite_rows
 
 MOST_THINNED = 150_000
 """Points to which a cloud is thinned to look for planes; the patches found are filled with all points afterwards."""
@@ -113,27 +113,20 @@ def find_planes(
     check_optional_positive(distance_m=distance_m, radius_m=radius_m)
     if not isinstance(min_points, Integral) or min_points < 3:
         raise ValueError(f"min_points is {min_points}; needed a whole number of 3 or more")
-    distinct, number = _distinct(cloud)
-    if len(distinct) < len(cloud):
+    finite = np.flatnonzero(finite_rows(cloud))
+    settings = distance_m, radius_m, angle_deg
+    if len(finite) <= MOST_THINNED:
         # Trees of neighbors take points in one place for one after the other.
-        found = find_planes(
-            cloud[distinct],
-            min_points=min_points,
-            distance_m=distance_m,
-            radius_m=radius_m,
-            angle_deg=angle_deg,
-            progress=progress,
-        )
-        return [np.flatnonzero(np.isin(number, members)) for members in found]
-    thinned = _thinned(cloud)
-    search = Search(cloud[thinned], min_points * len(thinned) / len(cloud), (distance_m, radius_m, angle_deg))
-    is_whole = len(thinned) == len(cloud)
-    search_progress = progress if is_whole else part(progress, 0.0, SEARCHED)
-    patches = [patch._replace(members=thinned[patch.members]) for patch in search.patches(search_progress)]
-    if is_whole:
-        found = [np.sort(patch.members) for patch in patches]
+        first, number = _distinct(cloud[finite])
+        patches = Search(cloud[finite[first]], min_points, settings).patches(progress)
+        whole = [patch.members for patch in patches if len(patch.members) >= min_points]
+        found = [finite[np.isin(number, members)] for members in whole]
     else:
-        found = _filled(cloud, patches, part(progress, SEARCHED, 1.0))
+        thinned = _thinned(cloud, finite)
+        search = Search(cloud[thinned], min_points * len(thinned) / len(finite), settings)
+        patches = search.patches(part(progress, 0.0, SEARCHED))
+        patches = [patch._replace(members=thinned[patch.members]) for patch in patches]
+        found = _filled(cloud, finite, patches, part(progress, SEARCHED, 1.0))
     return sorted((members for members in found if len(members) >= min_points), key=len, reverse=True)
 
 
@@ -260,11 +253,8 @@ def _flatness(near: Array) -> tuple[Array, Array]:
     return np.array(ratios)[best], np.array(sigmas)[best]
 
 
-def _thinned(cloud: Array) -> Indices:
-    """Indices of the finite points, one a voxel where they are many; the voxels are as small as their number allows."""
-    finite = np.flatnonzero(np.isfinite(cloud).all(axis=1))
-    if len(finite) <= MOST_THINNED:
-        return finite
+def _thinned(cloud: Array, finite: Indices) -> Indices:
+    """Of indices of finite points one a voxel; the voxels are as small as the most points allow."""
     low, high = np.percentile(cloud[finite], [1.0, 99.0], axis=0)
     # Surfaces fill a layer of voxels: start as if all points were spread over one of the extent's size.
     size = float(np.linalg.norm(high - low)) / np.sqrt(MOST_THINNED)
@@ -284,10 +274,9 @@ def _voxels(points: Array, size: float) -> NDArray[np.int64]:
     return numbers
 
 
-def _filled(cloud: Array, patches: list[Patch], progress: Progress | None) -> list[Indices]:
-    """The patches, found on some of the cloud, with all its points in the same cells; earlier patches first."""
-    rest = np.flatnonzero(np.isfinite(cloud).all(axis=1))
-    remaining = cloud[rest]
+def _filled(cloud: Array, finite: Indices, patches: list[Patch], progress: Progress | None) -> list[Indices]:
+    """The patches, found on some of the cloud, with all its finite points in the same cells; earlier patches first."""
+    rest, remaining = finite, cloud[finite]
     found = []
     for patch in patches:
         near = _in_same_cells(remaining, patch, cloud[patch.members], patch.distance)
