@@ -266,19 +266,21 @@ def _joined(cloud: Array, patch: Patch, seed: Array, reach: float, angle_deg: fl
     """Members of the patch within `reach` of the seed along its plane: connected to the seed by cells of its normal."""
     cell = max(patch.cell, 2.0 * reach / MOST_CELLS)
     near, heights = _near_plane(cloud, patch, cell)
-    flat = (cloud[near] - seed) @ patch.axes[:2].T
-    within = (np.abs(flat) <= reach).all(axis=1)
+    flat = cloud[near] @ patch.axes[:2].T - patch.axes[:2] @ seed
+    # Column by column: along rows of two it takes several times as long.
+    within = np.flatnonzero((np.abs(flat[:, 0]) <= reach) & (np.abs(flat[:, 1]) <= reach))
     near, heights, flat = near[within], heights[within], flat[within]
-    cells = np.floor((flat + reach) / cell).astype(np.intp)
+    cells = ((flat + reach) / cell).astype(np.intp)
     on_plane = np.abs(heights) <= patch.distance
     middle = np.full(2, int(reach / cell))
     # Normals are taken where the patch can reach alone: the rest of the plane may be a hundred times as large.
     around = _surroundings(cells[on_plane], middle, int(np.ceil(2.0 * reach / cell)) + 1)
     low, shape = around.low, (around.cells.shape[0], around.cells.shape[1])
-    inside = np.flatnonzero(((cells >= low) & (cells < low + shape)).all(axis=1))
-    inside = inside[around.cells[tuple((cells[inside] - low).T)]]
-    near, heights, on_plane = near[inside], heights[inside], on_plane[inside]
-    flat, cells = flat[inside], cells[inside] - low
+    cells -= low
+    (rows, columns), (height, width) = cells.T, shape
+    inside = np.flatnonzero((rows >= 0) & (rows < height) & (columns >= 0) & (columns < width))
+    inside = inside[around.cells[rows[inside], columns[inside]]]
+    near, heights, on_plane, flat, cells = (each[inside] for each in (near, heights, on_plane, flat, cells))
     occupied = filled_cells(cells[on_plane], shape)
     core = occupied & cells_along(np.column_stack([flat, heights]), cells, shape, angle_deg)
     core = _connected(core, middle - low)
