@@ -209,7 +209,9 @@ def colored_cloud(
 def cloud_with_colors(image: ArrayLike, seen: SeenPoints, cloud: Cloud) -> Cloud:
     """As `colored_cloud`, of one image and what its camera sees of the cloud."""
     colors, indices = np.zeros((len(cloud), 3), dtype=np.uint8), np.flatnonzero(seen.visible)
-    colors[indices] = np.round(_sampled(checked_image(image), seen.pixels[indices]))
+    # As `blend_colors` weighs one view, to the last bit.
+    weight = _weights(seen.distances[indices])[:, None]
+    colors[indices] = np.round(weight * _sampled(checked_image(image), seen.pixels[indices]) / weight)
     return _recolored(cloud, colors, seen.visible)
 
 

@@ -387,7 +387,7 @@ class SolverItem(Item):
         Literal["contour", "none"],
         Field(description="whether the regions' pose is refined on their contours"),
     ] = "contour"
-    driver: Annotated[Literal["scipy", "native"] | None, Field(description="scipy when left out")] = None
+    driver: Literal["native", "scipy"] = "native"
     start: Annotated[
         Literal["global", "paper"], Field(description="paper: from the paper's own start, or the initial pose, alone")
     ] = "global"

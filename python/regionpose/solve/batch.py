@@ -50,7 +50,7 @@ def estimate_poses(
     prior : Prior, iterable of Prior or None
         What is known of every pose, or a list of what is known of each (None: nothing).
     solver : Solver, optional
-        How the poses are computed; its driver is native or None.
+        How the poses are computed; its driver is native.
     threads : int, optional
         How many work at once; all cores when None.
 
@@ -89,7 +89,7 @@ def native(solver: Solver | None) -> Solver:
     """The options of what is solved in the core alone; ValueError for scipy's driver."""
     options = checked_solver(solver)
     if options.driver == "scipy":
-        raise ValueError('driver is "scipy"; needed "native" or None for many poses at once')
+        raise ValueError('driver is "scipy"; needed "native" for many poses at once')
     return options
 
 

@@ -12,7 +12,7 @@ System = Literal["plane", "sphere"]
 Integration = Literal["boundary", "mesh", "pixels"]
 Start = Literal["global", "paper"]
 Refine = Literal["contour"]
-Driver = Literal["scipy", "native"]
+Driver = Literal["native", "scipy"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,9 +36,9 @@ class Solver:
         Refine the pose on the observed contours where a part of them is disturbed (docs/math.md, section 11) or hidden
         (section 14), unless several regions all have samples, which decide then (section 17); None keeps the pose of
         the moments alone.
-    driver : {"scipy", "native"} or None
-        What runs the final least squares of the moments. None is scipy for single poses, and native for batches and
-        rigs; both reach the same minimum. Batches are always native.
+    driver : {"native", "scipy"}
+        What runs the final least squares of the moments: the core's trust region, or scipy's Levenberg-Marquardt, which
+        takes half a second to load. Both reach the same minimum. Batches are always native.
     frame_sigma_deg, frame_sigma_m, focal_sigma_percent, center_sigma_px : float
         Standard deviations of the error of a whole exposure, which calibration, time and scan add and no contour shows:
         of the rotation about each axis, degrees; of the camera's place along each, meters, where regions are those of a
@@ -60,8 +60,8 @@ class Solver:
     Examples
     --------
     >>> import regionpose as rp
-    >>> rp.Solver(system="sphere", driver="native")
-    Solver(system='sphere', integration='boundary', mesh_size=None, start='global', refine='contour', driver='native', \
+    >>> rp.Solver(system="sphere", driver="scipy")
+    Solver(system='sphere', integration='boundary', mesh_size=None, start='global', refine='contour', driver='scipy', \
 frame_sigma_deg=0.1, frame_sigma_m=0.03, focal_sigma_percent=0.5, center_sigma_px=1.5, \
 max_rotation_sigma_deg=0.5, max_translation_sigma_percent=2.0)
 
@@ -72,7 +72,7 @@ max_rotation_sigma_deg=0.5, max_translation_sigma_percent=2.0)
     mesh_size: float | None = None
     start: Start = "global"
     refine: Refine | None = "contour"
-    driver: Driver | None = None
+    driver: Driver = "native"
     frame_sigma_deg: float = 0.1
     frame_sigma_m: float = 0.03
     focal_sigma_percent: float = 0.5
@@ -126,7 +126,7 @@ WORDS: dict[str, tuple[str | None, ...]] = {
     "integration": get_args(Integration),
     "start": get_args(Start),
     "refine": (*get_args(Refine), None),
-    "driver": (*get_args(Driver), None),
+    "driver": get_args(Driver),
 }
 """The words that each option may be."""
 

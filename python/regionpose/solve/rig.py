@@ -68,7 +68,7 @@ def estimate_rig(
     prior : Prior, optional
         What is known of the pose, as of `estimate_pose`.
     solver : Solver, optional
-        How the poses are computed; the driver is native by default.
+        How the poses are computed.
     refine_camera : sequence of {"focal", "center", "distortion"}
         Which of fx and fy, cx and cy, k1 and k2 are estimated together with the pose (docs/math.md, section 12), and
         taken where they are determined and differ from the given ones by more than noise.
@@ -93,7 +93,7 @@ def estimate_rig(
     options = checked_solver(solver)
     listed = _checked_frames(camera, frames)
     names = parameter_names(camera, refine_camera)
-    rig = _Rig(camera, prior or Prior(), replace(options, driver=options.driver or "native"))
+    rig = _Rig(camera, prior or Prior(), options)
     if len(listed) > 1:
         # How far frames are off as wholes is estimated below.
         rig = replace(rig, solver=replace(rig.solver, **EXACT_EXPOSURE))

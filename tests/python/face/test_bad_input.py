@@ -192,7 +192,7 @@ OPTIONS: list[tuple[Callable[[], object], str]] = [
     (lambda: solve(integration="mesh", mesh_size=np.nan), "mesh_size is nan; needed a positive and finite number"),
     (lambda: solve(integration="mesh", mesh_size=1e-6), "it would make more than 100000 triangles"),
     (lambda: solve(integration="mesh", mesh_size="fine"), "mesh_size is 'fine'; needed a number, or None"),
-    (lambda: solve(driver="ceres"), 'driver is \'ceres\'; needed "scipy" or "native"'),
+    (lambda: solve(driver="ceres"), 'driver is \'ceres\'; needed "native" or "scipy"'),
     (lambda: solve(refine="edges"), "refine is 'edges'; needed \"contour\" or None"),
     (lambda: solve(start="random"), 'start is \'random\'; needed "global" or "paper"'),
     (lambda: solve(prior="up"), "prior is a str; needed a Prior or None"),
