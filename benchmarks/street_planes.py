@@ -114,7 +114,7 @@ def main() -> None:
     parser.add_argument("--no-edges", action="store_true", help="match by the regions alone")
     options = parser.parse_args()
     total = np.zeros(4, dtype=np.int64)
-    for folder in frames(options.data, options.only):
+    for folder in frames(options.data.resolve(), options.only):
         with tempfile.TemporaryDirectory() as place:
             line, counts = line_of(folder, scene_file(folder, Path(place), not options.no_edges))
         total += counts
