@@ -14,10 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 from scipy import ndimage
 from skimage.color import rgb2lab
-from skimage.filters import rank
-from skimage.morphology import disk
 
 from regionpose import _core
+from regionpose.segment.medians import disc_median
 from regionpose.segment.outlining import Growth, Reduced, as_bytes, outlined
 from regionpose.validation.arrays import Array, checked_levels, sample_bits
 from regionpose.validation.content import Content
@@ -33,10 +32,6 @@ WORK_PIXELS = 300_000
 
 SMOOTHING_FRACTION = 1 / 400
 """Default radius of the median over the image's diagonal: the joints of a brick wall that fills the image vanish."""
-
-MOST_SORTED, SORTED_ROWS = 4, 64
-"""Largest radius, pixels, at which all pixels are sorted together, so many rows at a time, rather than counted one by
-one: of 13 each, within 2 pixels, that takes a tenth of the time, of 49, within 4, a quarter."""
 
 LARGEST_TOLERANCE = 40.0
 """CIELAB units; colors farther apart belong to different surfaces."""
@@ -221,43 +216,8 @@ def _reduced(image: NDArray[np.generic], smoothing: float | None) -> Reduced:
     levels = np.asarray(picture.reduce(factor) if factor > 1 else picture)
     pixels = SMOOTHING_FRACTION * float(np.hypot(height, width)) if smoothing is None else smoothing
     radius = round(pixels / factor)
-    smooth = _median(levels, radius)
+    smooth = disc_median(levels, radius)
     return Reduced(levels, rgb2lab(smooth).astype(np.float32), factor, radius)
-
-
-def _median(levels: Bytes, radius: int) -> Bytes:
-    if radius == 0:
-        return levels
-    if radius > MOST_SORTED or min(levels.shape[:2]) <= 2 * radius:
-        return _ranked(levels, radius)
-    smooth, wide = np.empty_like(levels), 2 * radius
-    rows, columns = np.nonzero(disk(radius))  # type: ignore[no-untyped-call]
-    for top in range(0, len(levels) - wide, SORTED_ROWS):
-        block = levels[top : top + SORTED_ROWS + wide]
-        height, width = len(block) - wide, block.shape[1] - wide
-        around = [block[y : y + height, x : x + width].copy() for y, x in zip(rows, columns, strict=True)]
-        smooth[radius + top : radius + top + height, radius:-radius] = _middle(around)
-    smooth[:radius] = _ranked(levels[:wide], radius)[:radius]
-    smooth[-radius:] = _ranked(levels[-wide:], radius)[-radius:]
-    smooth[:, :radius] = _ranked(levels[:, :wide], radius)[:, :radius]
-    smooth[:, -radius:] = _ranked(levels[:, -wide:], radius)[:, -radius:]
-    return smooth
-
-
-def _middle(arrays: list[Bytes]) -> Bytes:
-    """The medians of an odd number of arrays, place by place, which are sorted in place as far as needed."""
-    half = len(arrays) // 2
-    for last in range(len(arrays) - 1, half - 1, -1):
-        for k in range(last):
-            lower = np.minimum(arrays[k], arrays[k + 1])
-            np.maximum(arrays[k], arrays[k + 1], out=arrays[k + 1])
-            arrays[k] = lower
-    return arrays[half]
-
-
-def _ranked(levels: Bytes, radius: int) -> Bytes:
-    """Medians of the levels within a radius and the image."""
-    return np.stack([rank.median(levels[..., channel], disk(radius)) for channel in range(3)], axis=2)  # type: ignore[no-untyped-call]
 
 
 def _start(reduced: Reduced, seed: tuple[float, float]) -> tuple[int, int]:
