@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -97,8 +97,8 @@ def fitted(photo: Photo, camera: Camera, border: Border, gap_px: float) -> Borde
     pieces = everywhere.chosen(border.is_end[everywhere.sides])
     if len(pieces.places) < LEAST_PIECES:
         return None
-    turned = np.array([_score(photo, SPREAD_PX, each, count, reach) for each in _turned(photo, camera, pieces)])
-    score = _score(photo, SPREAD_PX, pieces, count, reach)
+    turned = _scores(photo, _turned(photo, camera, pieces, count), count, reach)
+    (score,) = _scores(photo, pieces, count, reach).tolist()
     if np.isnan(score) or np.count_nonzero(np.isfinite(turned)) < LEAST_TURNED:
         return None
     offsets, sums = _best(photo, SNAP_SPREAD_PX, pieces, count, reach)[:2]
@@ -130,14 +130,15 @@ def rank_log_odds(score: float, null_scores: Array) -> float:
     return float(np.log((1.0 - fraction) / fraction)) if fraction < 1.0 else -np.inf
 
 
-def _turned(photo: Photo, camera: Camera, pieces: Pieces) -> Iterator[Pieces]:
-    """The pieces as turned cameras see them; NaN where they don't."""
+def _turned(photo: Photo, camera: Camera, pieces: Pieces, count: int) -> Pieces:
+    """The pieces as turned cameras see them, camera after camera, with so many sides of each; NaN where they don't."""
     ends = camera.bearings(photo.pixels(np.concatenate([pieces.places, pieces.places + pieces.normals])))
-    for turn in _turns():
-        starts, tips = np.split(photo.places(camera.project(turn.apply(ends))), 2)
-        normals = tips - starts
-        lengths = np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
-        yield pieces._replace(places=starts, normals=normals / lengths)
+    seen = photo.places(camera.project(np.concatenate([turn.apply(ends) for turn in _turns()])))
+    starts, tips = np.moveaxis(seen.reshape(TURNED_COUNT, 2, -1, 2), 1, 0).reshape(2, -1, 2)
+    normals = tips - starts
+    lengths = np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+    sides = (pieces.sides + count * np.arange(TURNED_COUNT)[:, None]).ravel()
+    return Pieces(starts, normals / lengths, sides, np.tile(pieces.along, TURNED_COUNT))
 
 
 @cache
@@ -150,13 +151,15 @@ def _turns() -> tuple[Rotation, ...]:
     return tuple(Rotation.from_rotvec(vector) for vector in vectors)
 
 
-def _score(photo: Photo, spread_px: float, pieces: Pieces, count: int, reach: float) -> float:
-    """The sum of log ratios along sides that are moved to where it is largest, as of all pieces where the photo shows
-    some alone; NaN where it shows too few.
+def _scores(photo: Photo, pieces: Pieces, count: int, reach: float) -> Array:
+    """For each camera, of so many sides each, the sum of log ratios along sides that are moved to where it is largest,
+    as of all pieces where the photo shows some alone; NaN where it shows too few.
     """
-    _, sums, is_inside = _best(photo, spread_px, pieces, count, reach)
-    fraction = float(np.mean(is_inside))
-    return float(sums.sum()) / fraction if fraction >= LEAST_IN_VIEW else float("nan")
+    cameras = int(pieces.sides.max()) // count + 1
+    _, sums, is_inside = _best(photo, SPREAD_PX, pieces, cameras * count, reach)
+    fractions = is_inside.reshape(cameras, -1).mean(axis=1)
+    shown = np.where(fractions >= LEAST_IN_VIEW, fractions, np.nan)
+    return np.asarray(sums.reshape(cameras, count).sum(axis=1) / shown)
 
 
 def _best(photo: Photo, spread_px: float, pieces: Pieces, count: int, reach: float) -> tuple[Array, Array, Flags]:
