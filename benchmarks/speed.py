@@ -6,7 +6,7 @@ alternate between all rows and their references:
 
     batch      `estimate_poses` on exact outlines
     noisy      the batch, each image vertex off by 0.5 px (one standard deviation along either axis)
-    single     one `estimate_pose` a scene, by scipy's least squares
+    single     one `estimate_pose` a scene
     distorted  the batch by a camera with five coefficients of distortion, which OpenCV is given, too
     bitten     the batch, a notch of 5 % of its area cut out of each image outline
     masks      the batch on masks of 2376 x 1584 px with errors on 20 % of the area, contours traced beforehand

@@ -1,9 +1,10 @@
 """Where the time of an estimate goes: seconds of each stage from masks to pose, as a share of the whole.
 
 Scenes of the perspective benchmark, all shapes, arbitrary world frames, binary masks of the whole image with squares
-along the boundary that change the share `--noise` of their area. The stages are those of `estimate_pose` with its
-defaults, one after another; each time is the median over the scenes, of the processor, and the share that of the sum of
-medians. The contours' refinement is what the verdict takes more with it than without.
+along the boundary that change the share `--noise` of their area. The stages are those of `estimate_pose` by scipy's
+driver, whose least squares can be timed alone, one after another; each time is the median over the scenes, of the
+processor, and the share that of the sum of medians. The contours' refinement is what the verdict takes more with it
+than without.
 
     OMP_NUM_THREADS=1 python -m benchmarks.stages [--scenes 20] [--planes 1 3] [--noise 0 0.05 0.2]
 """
