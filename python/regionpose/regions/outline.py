@@ -201,7 +201,7 @@ def _main_part(rings: list[Array]) -> list[Array]:
 
 
 def bridging_radius(points: Array) -> float:
-    """Radius of an alpha shape that holds 98 % of the points (n, 2) together, whatever else of them is dense.
+    """Radius of an alpha shape that connects 98 % of the points (n, 2), also across the gaps between scan lines.
 
     Of points on a line, (n, 1), it is the way from one to the next.
     """

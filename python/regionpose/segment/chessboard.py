@@ -37,8 +37,8 @@ STARTS = 300
 """Corners nearest to the click from which a grid is begun: more than noise makes within a square. Most end at once."""
 
 NEAREST = 24
-"""Corners around each one among which its neighbors are looked for: eight of a board's are as near, and the next one of
-a board seen at 80 deg is the fifth or so beyond; noise adds some."""
+"""Corners around each one among which its neighbors are looked for: the rows of a board seen at 80 deg are a sixth of a
+step apart, so that ten corners of a column are nearer than the next column; noise adds some."""
 
 NEIGHBORS = 12
 """The same around the first one of a grid."""

@@ -75,7 +75,7 @@ ANGLE_DEG = 20.0
 45, posts beside a face by 30 to 60."""
 
 LEAST_IN_BLOCK = 4
-"""Points in and around a cell below which its normal is unknown, and the cell joins by distance alone."""
+"""Distinct points of a neighborhood at the least: three lie on a plane anyway."""
 
 RIM_CELLS = 2
 """Cells around those with the right normal in which points join by distance: edges between two planes mix normals

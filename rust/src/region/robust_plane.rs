@@ -23,7 +23,7 @@ const MAD_TO_SIGMA: f64 = 1.482_602_218_505_602;
 /// Points farther from the plane than this many standard deviations have no part in it: a convention.
 const INLIER_SIGMAS: f64 = 3.0;
 
-/// Distance up to which a point lies on a plane whatever its noise, in roundings of the extent.
+/// Distance from its plane that rounding alone gives a point, in epsilons of the extent.
 const ROUNDINGS: f64 = 64.0;
 
 /// Least squares fits to the inliers at most; they converge in two or three.
