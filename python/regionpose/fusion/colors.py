@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -155,26 +155,42 @@ def blend_colors(
     given = real_rows(points, "points", 3)
     facing = None if normals is None else _checked_normals(normals, len(given))
     tolerance = _checked_tolerance(depth_tolerance)
-    sums, weights = np.zeros((len(given), 3), dtype=np.float32), np.zeros(len(given), dtype=np.float32)
     if not isinstance(views, Iterable):
         raise ValueError(f"views is a {type(views).__name__}; needed a list of (camera, image, pose)")
-    count = 0
-    for view in views:
-        camera, image, pose = _checked_view(view, f"view {count}")
-        colors = checked_image(image)
-        camera.check_size(colors.shape, f"image of view {count}")
-        count += 1
-        seen = seen_points(camera, given, pose, colors.shape[:2], depth_tolerance=tolerance)
+
+    def checked() -> Iterator[SeenColors]:
+        count = 0
+        for view in views:
+            camera, image, pose = _checked_view(view, f"view {count}")
+            colors = checked_image(image)
+            camera.check_size(colors.shape, f"image of view {count}")
+            count += 1
+            seen = seen_points(camera, given, pose, colors.shape[:2], depth_tolerance=tolerance)
+            indices = np.flatnonzero(seen.visible)
+            rays = given[indices] - pose.camera_center
+            yield colors, seen, None if facing is None else _cosines(rays, facing[indices])
+        if count == 0:
+            raise ValueError("there are 0 views; needed a camera, its image and its pose at least")
+
+    return _blended(len(given), checked())
+
+
+SeenColors = tuple[Bytes, SeenPoints, Floats | None]
+"""An image, what its camera sees of some points, and the cosines (k,) by which the visible ones face it, if known."""
+
+
+def _blended(count: int, views: Iterable[SeenColors]) -> tuple[Bytes, Mask]:
+    """The weighted mean colors of so many points, and which of them any view sees, as of `blend_colors`."""
+    sums, weights = np.zeros((count, 3), dtype=np.float32), np.zeros(count, dtype=np.float32)
+    for colors, seen, cosines in views:
         indices = np.flatnonzero(seen.visible)
-        weight = _weights(seen.distances[indices])
-        if facing is not None:
-            weight *= _cosines(given[indices] - pose.camera_center, facing[indices])
+        weight = np.maximum(seen.distances[indices], NEAREST) ** np.float32(-2.0)
+        if cosines is not None:
+            weight *= cosines
         sums[indices] += weight[:, None] * _sampled(colors, seen.pixels[indices])
         weights[indices] += weight
-    if count == 0:
-        raise ValueError("there are 0 views; needed a camera, its image and its pose at least")
     visible = weights > 0.0
-    blended = np.zeros((len(given), 3), dtype=np.uint8)
+    blended = np.zeros((count, 3), dtype=np.uint8)
     blended[visible] = np.round(sums[visible] / weights[visible, None])
     return blended, visible
 
@@ -208,11 +224,7 @@ def colored_cloud(
 
 def cloud_with_colors(image: ArrayLike, seen: SeenPoints, cloud: Cloud) -> Cloud:
     """As `colored_cloud`, of one image and what its camera sees of the cloud."""
-    colors, indices = np.zeros((len(cloud), 3), dtype=np.uint8), np.flatnonzero(seen.visible)
-    # As `blend_colors` weighs one view, to the last bit.
-    weight = _weights(seen.distances[indices])[:, None]
-    colors[indices] = np.round(weight * _sampled(checked_image(image), seen.pixels[indices]) / weight)
-    return _recolored(cloud, colors, seen.visible)
+    return _recolored(cloud, *_blended(len(cloud), [(checked_image(image), seen, None)]))
 
 
 def _recolored(cloud: Cloud, colors: Bytes, visible: Mask) -> Cloud:
@@ -274,11 +286,6 @@ def _cosines(rays: NDArray[np.floating], normals: Floats) -> Floats:
     lengths = np.maximum(np.linalg.norm(rays, axis=1), NEAREST)
     fractions = np.abs(np.sum(rays * normals, axis=1)) / lengths
     return np.asarray(np.maximum(fractions.astype(np.float32), LEAST_COSINE))
-
-
-def _weights(distances: Floats) -> Floats:
-    """What views of points at distances (n,) weigh."""
-    return np.asarray(np.maximum(distances, NEAREST) ** np.float32(-2.0))
 
 
 def _visible(pixels: Floats, distances: Floats, size: tuple[int, int], tolerance: float) -> Mask:
