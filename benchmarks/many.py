@@ -14,7 +14,8 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from functools import cache, partial
 from itertools import islice
 from typing import NamedTuple
@@ -106,10 +107,23 @@ def estimated(first: int) -> Summary:
     return Summary(np.histogram(errors, ERRORS_DEG)[0], megabytes())
 
 
+@contextmanager
+def executor_of(workers: int) -> Iterator[Executor]:
+    """A dask cluster of so many workers, or without any a thread of this process."""
+    if workers == 0:
+        with ThreadPoolExecutor(1) as thread:
+            yield thread
+    else:
+        with local_cluster(workers) as options:
+            yield options["executor"]
+
+
 def summaries(executor: Executor, count: int, workers: int) -> Iterator[Summary]:
     """Those of so many chunks, as they end; few wait at a time, however many there are."""
     left = iter(range(0, count * CHUNK, CHUNK))
-    running: set[Future[Summary]] = {executor.submit(estimated, first) for first in islice(left, RUNNING * workers)}
+    running: set[Future[Summary]] = {
+        executor.submit(estimated, first) for first in islice(left, RUNNING * max(workers, 1))
+    }
     while running:
         ended, running = wait(running, return_when=FIRST_COMPLETED)
         running |= {executor.submit(estimated, first) for first in islice(left, len(ended))}
@@ -122,8 +136,8 @@ def print_cluster(problems: int, workers: int) -> None:
     edges = ", ".join(f"to {edge:g}" for edge in ERRORS_DEG[1:])
     print(f"| problems | seconds | a worker, MB | this process, MB | errors {edges} deg |\n|---|---|---|---|---|")
     errors, most, begin = np.zeros(len(ERRORS_DEG) - 1, dtype=np.int64), 0.0, time.perf_counter()
-    with local_cluster(workers) as options:
-        for done, summary in enumerate(summaries(options["executor"], count, workers), 1):
+    with executor_of(workers) as executor:
+        for done, summary in enumerate(summaries(executor, count, workers), 1):
             errors, most = errors + summary.errors, max(most, summary.megabytes)
             if done * 10 // count > (done - 1) * 10 // count:
                 counts = ", ".join(map(str, errors.tolist()))
@@ -156,7 +170,7 @@ def main() -> int:
     """Print both tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--problems", type=int, default=1_000_000)
-    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--workers", type=int, default=2, help="of dask; 0: in this process")
     parser.add_argument("--threads", type=int, default=2)
     arguments = parser.parse_args()
     print_threads(arguments.threads)
