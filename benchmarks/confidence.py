@@ -1,10 +1,10 @@
-"""The weights of the confidence: a logistic regression on the synthetic problems of `trust` and `mistakes`.
+"""How well the confidence holds, on the synthetic problems of `trust` and `mistakes`.
 
-Draws problems of every noise model, mistake and camera, and scans with wrong labels, solves them, and fits the
-probability that the first answer is within 5 deg of the truth to what its fit shows (docs/math.md, section 15), of
-poses from outlines and of those from samples apart. Prints the weights for
-rust/src/verdict/confidence.rs and how they hold on each kind when they are fitted to the others. The seeds are other
-ones than those of any table: they begin at a million.
+Draws problems of every noise model, mistake and camera, and scans with wrong labels, solves them, and compares the
+probability that is stated with how often the first answer is within 5 deg of the truth, of poses from outlines and of
+those from samples apart: by kind, by bins, and by the mean of minus the logarithm of the probability of what happened.
+Prints the multiple of the log odds that would make it likeliest which poses are right (docs/math.md, eq. 15.3): 1 where
+they hold. The seeds are other ones than those of any table: they begin at a million.
 
     python -m benchmarks.confidence [--scenes 80] [--workers 2] [--keep FILE]
 """
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from regionpose import _core
 from regionpose.solve.core_inputs import observed_regions
 from rich.progress import track
-from scipy.optimize import minimize
+from scipy.optimize import minimize_scalar
 from scipy.special import expit
 
 from benchmarks.synthetic.measures import rotation_error
@@ -37,14 +37,9 @@ from benchmarks.synthetic.studies.trust import WRONG_DEG
 Array = NDArray[np.float64]
 
 FIRST_SEED = 1_000_000
-COMMON = ("1", "ln rotation sigma", "several regions")
-FEATURES = {
-    "outlines": (*COMMON, "ambiguous", "whole", "ln scatter", "contradicted regions", "overlap error"),
-    "samples": (*COMMON, "unseen", "wrong labels", "ln growth"),
-}
+TRUSTED = 0.97
+"""As in rust/src/verdict/solution.rs."""
 BINS = (0.0, 0.05, 0.15, 0.3, 0.6, 0.8, 0.9, 0.97, 0.99, 1.0)
-RIDGE = 1e-3
-"""Keeps a weight finite that no problem speaks against."""
 MISLABELED = (0.03, 0.1)
 """Shares of wrong labels, as in the study `lidar`: scans of real scenes have some at right poses, too."""
 CUTS: tuple[Cut, ...] = ("scanner", "box")
@@ -90,12 +85,15 @@ def kinds() -> list[Kind]:
 
 @dataclass(frozen=True)
 class Solved:
-    """What a fit showed, what it was taken for, and whether the first answer was within the limit; ``most`` is the
-    confidence of a fit that shows the place beyond doubt: what the noise and the other answers leave.
+    """What a fit showed (`_core.Estimate.evidence`), what it was taken for, and whether the first answer was within the
+    limit; ``most`` is the confidence of a fit that shows the place beyond doubt: what the noise and the other answers
+    leave.
     """
 
     kind: str
+    source: str
     evidence: tuple[float, ...]
+    log_odds: float
     most: float
     stated: float
     found: bool
@@ -114,9 +112,11 @@ def solved(chosen: tuple[Kind, int]) -> Solved | None:
     if estimate is None:
         return None
     first = estimate.best
-    most = _core.rotation_confidence(first.covariance) * first.confidence / estimate.probability
+    stated, log_odds = first.confidence, estimate.log_odds
     found = rotation_error(first.rotation, problem.scene.rotation) < WRONG_DEG
-    return Solved(kind.name, tuple(estimate.evidence.tolist()), most, first.confidence, found)
+    source = "samples" if any(world.samples is not None for world in problem.world_regions) else "outlines"
+    most = min(stated / float(expit(log_odds)), 1.0)
+    return Solved(kind.name, source, tuple(estimate.evidence.tolist()), log_odds, most, stated, found)
 
 
 def outcomes(scenes: int, workers: int) -> list[Solved]:
@@ -127,37 +127,26 @@ def outcomes(scenes: int, workers: int) -> list[Solved]:
         return [outcome for outcome in found if outcome is not None]
 
 
-def stated(most: Array, features: Array, weights: Array) -> Array:
-    """(n,) confidences by the weights (docs/math.md, eq. 15.1)."""
-    return np.asarray(most * expit(features @ weights), dtype=np.float64)
-
-
-def fitted(most: Array, features: Array, found: Array) -> Array:
-    """The likeliest weights."""
-
-    def cost(weights: Array) -> float:
-        loss = len(found) * log_loss(stated(most, features, weights), found)
-        return float(loss + RIDGE * weights[1:] @ weights[1:])
-
-    return np.asarray(minimize(cost, np.zeros(features.shape[1])).x, dtype=np.float64)
-
-
 def log_loss(probability: Array, found: Array) -> float:
     """Mean of minus the logarithm of the probability of what happened."""
     kept = np.clip(probability, 1e-12, 1.0 - 1e-12)
     return float(-np.mean(found * np.log(kept) + (1.0 - found) * np.log(1.0 - kept)))
 
 
-def left_out(kinds: list[str], most: Array, features: Array, found: Array) -> Array:
-    """(n,) confidences of each kind by the weights of all others."""
-    names = np.array(kinds)
-    confidence = np.zeros(len(names))
-    for name in dict.fromkeys(kinds):
-        own = names == name
-        weights = fitted(most[~own], features[~own], found[~own])
-        confidence[own] = stated(most[own], features[own], weights)
-        print(f"  {name:24} {100.0 * confidence[own].mean():5.1f} % stated, {100.0 * found[own].mean():5.1f} % found")
-    return confidence
+def likeliest_multiple(most: Array, log_odds: Array, found: Array) -> float:
+    """The multiple of the log odds that makes it likeliest which poses are right."""
+    best = minimize_scalar(
+        lambda multiple: log_loss(most * expit(multiple * log_odds), found), bounds=(0.0, 5.0), method="bounded"
+    )
+    return float(best.x)
+
+
+def print_kinds(kinds: Array, confidence: Array, found: Array) -> None:
+    """Stated and found shares, kind by kind."""
+    for name in dict.fromkeys(kinds.tolist()):
+        own = kinds == name
+        means = 100.0 * confidence[own].mean(), 100.0 * found[own].mean()
+        print(f"  {name:36} {own.sum():5} poses, {means[0]:5.1f} % stated, {means[1]:5.1f} % found")
 
 
 def print_bins(confidence: Array, found: Array) -> None:
@@ -175,26 +164,25 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=80, help="problems of each camera and kind")
     parser.add_argument("--workers", type=int, default=2, help="processes")
-    parser.add_argument("--keep", type=Path, help="write features and outcomes by source: beside this .npz file")
+    parser.add_argument("--keep", type=Path, help="write evidence and outcomes by source: beside this .npz file")
     options = parser.parse_args()
     rows = outcomes(options.scenes, options.workers)
-    for source, names in FEATURES.items():
-        own = [row for row in rows if len(row.evidence) == len(names)]
-        features = np.array([row.evidence for row in own])
-        found = np.array([float(row.found) for row in own])
-        now, most = np.array([row.stated for row in own]), np.array([row.most for row in own])
+    for source in ("outlines", "samples"):
+        own = [row for row in rows if row.source == source]
+        names, evidence = np.array([row.kind for row in own]), np.array([row.evidence for row in own])
+        found, stated = np.array([float(row.found) for row in own]), np.array([row.stated for row in own])
+        most, log_odds = np.array([row.most for row in own]), np.array([row.log_odds for row in own])
         if options.keep is not None:
-            kinds = np.array([row.kind for row in own])
             file = options.keep.with_stem(f"{options.keep.stem}-{source}")
-            np.savez(file, kinds=kinds, most=most, features=features, stated=now, found=found)
-        print(f"{source}: {len(own)} poses, {100.0 * found.mean():.1f} % found; each kind by weights of all others:")
-        others = left_out([row.kind for row in own], most, features, found)
-        for name, weight in zip(names, fitted(most, features, found), strict=True):
-            print(f"{weight:8.4f}  {name}")
-        print(f"log loss, each kind left out: {log_loss(others, found):.4f}; bins of these:")
-        print_bins(others, found)
-        print("bins by the weights that are built in:")
-        print_bins(now, found)
+            np.savez(file, kinds=names, most=most, evidence=evidence, log_odds=log_odds, stated=stated, found=found)
+        print(f"{source}: {len(own)} poses, {100.0 * found.mean():.1f} % found")
+        print_kinds(names, stated, found)
+        print_bins(stated, found)
+        multiple = likeliest_multiple(most, log_odds, found)
+        likeliest = log_loss(most * expit(multiple * log_odds), found)
+        print(f"log loss {log_loss(stated, found):.4f}, {likeliest:.4f} by {multiple:.2f} times the log odds")
+        trusted = stated > TRUSTED
+        print(f"above {TRUSTED}: {trusted.sum()} poses, {int((1.0 - found[trusted]).sum())} of them wrong")
 
 
 if __name__ == "__main__":

@@ -465,8 +465,14 @@ class Estimate:
         """Probability that one of the solutions is within 5 degrees of the true pose (P of docs/math.md, eq. 15.1)."""
 
     @property
+    def log_odds(self) -> float:
+        """Log odds that the best pose is the right mode (docs/math.md, eq. 15.3)."""
+
+    @property
     def evidence(self) -> NDArray[np.float64]:
-        """What the confidence is computed from, (8,) of outlines or (6,) of samples (docs/math.md, eq. 15.3)."""
+        """What they are computed from, (4,): regions that belong to the pose, the share seen, the share of it that
+        contradicts the pose, and the noise of the contours, pixels (docs/math.md, eq. 15.3).
+        """
 
     @property
     def alternatives(self) -> list[Solution]:

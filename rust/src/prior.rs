@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
 use crate::error::{Error, Result};
 use crate::geometry::pose::{Pose, check_pose};
 use crate::math::gaussian::Gaussian;
+use crate::math::odds::DECISIVE_DEVIANCE;
 
 /// Standard deviation of the up direction where none is given, rad (15 degrees): a camera held by hand, its pitch unknown.
 pub const UP_SIGMA: f64 = std::f64::consts::PI / 12.0;
@@ -15,10 +16,7 @@ pub const NEAR_SIGMA: f64 = 2.0;
 
 /// Squared distance, in variances, that counts at most against a pose (ten standard deviations): a prior may itself be
 /// wrong, and what fits better by more stands in spite of it.
-pub const MAX_PENALTY: f64 = 100.0;
-
-/// Squared distance, in variances, beyond which a pose contradicts a prior: five standard deviations.
-const CONTRADICTION: f64 = 25.0;
+pub const MAX_PENALTY: f64 = 4.0 * DECISIVE_DEVIANCE;
 
 /// Rotation, rad, beyond which a pose contradicts an initial one without an uncertainty: no rough pose is this rough.
 const FAR: f64 = std::f64::consts::FRAC_PI_4;
@@ -84,7 +82,7 @@ pub struct InitialDeviation {
 impl InitialDeviation {
     /// Whether the pose contradicts the initial one.
     pub fn is_contradiction(&self) -> bool {
-        self.sigmas.map_or(self.rotation > FAR, |sigmas| sigmas * sigmas > CONTRADICTION)
+        self.sigmas.map_or(self.rotation > FAR, |sigmas| sigmas * sigmas > DECISIVE_DEVIANCE)
     }
 }
 
@@ -100,7 +98,7 @@ pub struct UpDeviation {
 impl UpDeviation {
     /// Whether the pose contradicts the up direction.
     pub fn is_contradiction(&self) -> bool {
-        self.sigmas * self.sigmas > CONTRADICTION
+        self.sigmas * self.sigmas > DECISIVE_DEVIANCE
     }
 }
 
@@ -116,7 +114,7 @@ pub struct PlaceDeviation {
 impl PlaceDeviation {
     /// Whether the pose contradicts the camera's place.
     pub fn is_contradiction(&self) -> bool {
-        self.sigmas * self.sigmas > CONTRADICTION
+        self.sigmas * self.sigmas > DECISIVE_DEVIANCE
     }
 }
 

@@ -13,12 +13,10 @@ use crate::equations::system::{System, Weighting};
 use crate::equations::whitening::Orders;
 use crate::error::{Error, Result};
 use crate::geometry::pose::{PARAMETERS, Pose, Tangent, increment_derivative};
+use crate::noise::boundary::CALIBRATION;
 use crate::region::{ObservedRegion, WorldRegion};
 use crate::samples::ep;
 use crate::samples::margin::SampledRegion;
-
-/// Least noise of the boundary, in pixels: the quantization of a binary mask, and the quality of calibrations.
-const NOISE_FLOOR: f64 = 0.1;
 
 /// Work budget of a search, its least squares and its verdict each, in evaluations of all of the problem: more than problems of the
 /// studies `trust` and `mistakes` take altogether, up to 1,987 (`_core.work_counter`, `_core.Problem.work`).
@@ -222,7 +220,7 @@ impl Problem {
     /// Estimated variance of the boundary's noise from a whitened cost, squared pixels (`docs/math.md`, eq. 10.2).
     #[doc(hidden)]
     pub fn noise_variance(&self, cost: f64) -> f64 {
-        (cost / self.degrees_of_freedom()).max(NOISE_FLOOR * NOISE_FLOOR)
+        (cost / self.degrees_of_freedom()).max(CALIBRATION * CALIBRATION)
     }
 
     /// Deviance of a whitened cost to another, in variances, with at most so many degrees of freedom of the noise (`numbers`;

@@ -8,73 +8,38 @@ use crate::support::scene::{Layout, Scene, star};
 use nalgebra::{Rotation3, Vector3};
 use proptest::prelude::*;
 use regionpose::internals::contour::region_preference::RegionPreference;
-use regionpose::internals::verdict::confidence::{Evidence, EvidenceSource};
+use regionpose::internals::verdict::confidence::Evidence;
 use regionpose::internals::verdict::mode_probability::{mode_probabilities, probability_near};
 use regionpose::{Pose, Problem, Solution};
 
 /// Regions that are marked and solved.
 const SCENES: usize = 900;
 
-const GOOD: Evidence = Evidence {
-    rotation_sigmas: [0.004, 0.006, 0.01],
-    regions: 3,
-    source: EvidenceSource::Outlines {
-        ambiguous: false,
-        whole: true,
-        scatter: 0.25,
-        contradicted: 0,
-        overlap_error: 0.01,
-    },
-};
+const GOOD: Evidence =
+    Evidence { rotation_sigmas: [0.004, 0.006, 0.01], regions: 3, seen: 1.0, mismatch: 0.01, noise: 0.25 };
 
-const BAD: Evidence = Evidence {
-    rotation_sigmas: [1.0, 8.0, 2.0],
-    regions: 1,
-    source: EvidenceSource::Outlines {
-        ambiguous: false,
-        whole: false,
-        scatter: 10.0,
-        contradicted: 0,
-        overlap_error: 0.4,
-    },
-};
+const BAD: Evidence = Evidence { rotation_sigmas: [1.0, 8.0, 2.0], regions: 1, seen: 1.0, mismatch: 0.4, noise: 10.0 };
 
 /// A few clean pieces of another shape.
-const UNLIKE: Evidence = Evidence {
-    rotation_sigmas: [0.3, 0.1, 0.1],
-    regions: 1,
-    source: EvidenceSource::Outlines {
-        ambiguous: false,
-        whole: false,
-        scatter: 0.25,
-        contradicted: 0,
-        overlap_error: 0.9,
-    },
-};
+const UNLIKE: Evidence =
+    Evidence { rotation_sigmas: [0.3, 0.1, 0.1], regions: 1, seen: 1.0, mismatch: 0.9, noise: 1.0 };
 
-const SAMPLED: Evidence =
-    Evidence { source: EvidenceSource::Samples { unseen: 0.05, wrong: 0.0, growth: 0.2 }, ..GOOD };
-
-const HALF_SEEN: Evidence = Evidence {
-    rotation_sigmas: [3.0, 1.0, 0.5],
-    regions: 1,
-    source: EvidenceSource::Samples { unseen: 0.6, wrong: 0.02, growth: 0.8 },
-};
+/// Most of a region is not seen.
+const HALF_SEEN: Evidence =
+    Evidence { rotation_sigmas: [3.0, 1.0, 0.5], regions: 1, seen: 0.4, mismatch: 0.02, noise: 0.8 };
 
 #[test]
 fn good_evidence_is_trusted_and_bad_is_not() {
     assert!(GOOD.probability() > 0.99, "{}", GOOD.probability());
     assert!(BAD.probability() < 0.5, "{}", BAD.probability());
-    assert!(UNLIKE.probability() < 0.5, "{}", UNLIKE.probability());
-    assert!(SAMPLED.probability() > 0.99, "{}", SAMPLED.probability());
-    assert!(HALF_SEEN.probability() < 0.6, "{}", HALF_SEEN.probability());
+    assert!(UNLIKE.probability() < 0.6, "{}", UNLIKE.probability());
+    assert!(HALF_SEEN.probability() < 0.8, "{}", HALF_SEEN.probability());
 }
 
 #[test]
 fn a_direction_that_is_free_has_a_finite_confidence() {
-    for (sigma, good) in [f64::INFINITY, f64::NAN].into_iter().flat_map(|sigma| [(sigma, GOOD), (sigma, SAMPLED)]) {
-        let evidence = Evidence { rotation_sigmas: [sigma; 3], ..good };
-        assert!(evidence.features().iter().all(|feature| feature.is_finite()));
+    for sigma in [f64::INFINITY, f64::NAN] {
+        let evidence = Evidence { rotation_sigmas: [sigma; 3], ..GOOD };
         assert!((0.0..0.1).contains(&evidence.probability()), "{}", evidence.probability());
     }
 }
@@ -112,48 +77,46 @@ fn answers_near_one_another_or_of_the_same_votes_have_what_one_would_have() {
     }
 }
 
+/// The odds of two regions are the product of what each has.
+#[test]
+fn another_region_squares_the_odds_and_a_third_adds_nothing() {
+    let odds = |regions: usize| Evidence { regions, ..GOOD }.log_odds();
+    let one = -((GOOD.mismatch + 0.03) * GOOD.noise).ln();
+    for (regions, needed) in [(0, one), (1, one), (2, 2.0 * one), (3, 2.0 * one)] {
+        assert!((odds(regions) - needed).abs() < 1e-12, "{regions}: {}", odds(regions));
+    }
+}
+
 proptest! {
     #[test]
-    fn it_is_a_probability_that_falls_with_the_uncertainty(
-        rotation_sigmas in [1e-4..50.0_f64, 1e-4..50.0_f64, 1e-4..50.0_f64], factor in 1.0..20.0_f64, regions in 1..9_usize, source in source(),
-    ) {
-        let evidence = Evidence { rotation_sigmas, regions, source };
-        let wider = Evidence { rotation_sigmas: rotation_sigmas.map(|sigma| sigma * factor), ..evidence };
+    fn it_is_a_probability_that_falls_with_the_uncertainty(evidence in evidence(), factor in 1.0..20.0_f64) {
+        let wider = Evidence { rotation_sigmas: evidence.rotation_sigmas.map(|sigma| sigma * factor), ..evidence };
         prop_assert!((0.0..=1.0).contains(&evidence.probability()));
         prop_assert!(wider.probability() <= evidence.probability());
     }
 
-    /// Other answers, scatter, parts elsewhere, wrong labels, contours that are grown and parts that the scanner did not see make it less.
+    /// Mismatch and noise make it less; what is not seen, less certain either way.
     #[test]
-    fn it_falls_with_what_speaks_against_the_pose(
-        rotation_sigmas in [1e-4..50.0_f64, 1e-4..50.0_f64, 1e-4..50.0_f64], regions in 1..9_usize, source in source(), more in 0.0..0.5_f64,
-    ) {
-        let worse = match source {
-            EvidenceSource::Outlines { scatter, contradicted, overlap_error, .. } => EvidenceSource::Outlines {
-                ambiguous: true,
-                whole: false,
-                scatter: scatter + more,
-                contradicted,
-                overlap_error: overlap_error + more,
-            },
-            EvidenceSource::Samples { unseen, wrong, growth } => {
-                EvidenceSource::Samples { unseen: unseen + more, wrong: wrong + more, growth: growth + more }
-            }
-        };
-        let evidence = Evidence { rotation_sigmas, regions, source };
-        let other = Evidence { source: worse, ..evidence };
-        prop_assert!(other.probability() <= evidence.probability());
+    fn it_falls_with_what_speaks_against_the_pose(evidence in evidence(), more in 0.0..0.5_f64) {
+        let Evidence { seen, mismatch, noise, .. } = evidence;
+        let worse = [Evidence { mismatch: mismatch + more, ..evidence }, Evidence { noise: noise + more, ..evidence }];
+        prop_assert!(worse.iter().all(|worse| worse.probability() <= evidence.probability()));
+        let less_seen = Evidence { seen: seen * (1.0 - more), ..evidence };
+        prop_assert!(less_seen.log_odds().abs() <= evidence.log_odds().abs());
     }
 }
 
-/// What outlines or samples may show.
-fn source() -> impl Strategy<Value = EvidenceSource> {
-    let outlines = (proptest::bool::ANY, proptest::bool::ANY, 0.25..20.0_f64, 0..4_usize, 0.0..1.0_f64);
-    let outlines = outlines.prop_map(|(ambiguous, whole, scatter, contradicted, overlap_error)| {
-        EvidenceSource::Outlines { ambiguous, whole, scatter, contradicted, overlap_error }
-    });
-    let samples = (0.0..0.5_f64, 0.0..0.5_f64, 0.2..3.2_f64);
-    prop_oneof![outlines, samples.prop_map(|(unseen, wrong, growth)| EvidenceSource::Samples { unseen, wrong, growth })]
+/// What a fit may show.
+fn evidence() -> impl Strategy<Value = Evidence> {
+    let sigma = || 1e-4..50.0_f64;
+    let all = ([sigma(), sigma(), sigma()], 0..9_usize, 0.0..1.0_f64, 0.0..1.0_f64, 0.25..20.0_f64);
+    all.prop_map(|(rotation_sigmas, regions, seen, mismatch, noise)| Evidence {
+        rotation_sigmas,
+        regions,
+        seen,
+        mismatch,
+        noise,
+    })
 }
 
 /// Four marked corners leave a pose two degrees of freedom, so that residuals hardly choose between two poses.

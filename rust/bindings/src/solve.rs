@@ -245,10 +245,18 @@ impl Estimate {
         self.0.evidence.probability()
     }
 
-    /// Features of the confidence, (8,) of outlines or (6,) of samples (`docs/math.md`, eq. 15.3).
+    /// Log odds that the best pose is the right mode (`docs/math.md`, eq. 15.3).
+    #[getter]
+    fn log_odds(&self) -> f64 {
+        self.0.evidence.log_odds()
+    }
+
+    /// What the confidence is made of, (4,): regions that belong to the pose, the share seen, the share that contradicts it and the
+    /// contours' noise, pixels (`docs/math.md`, eq. 15.3).
     #[getter]
     fn evidence<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.0.evidence.features())
+        let regionpose::Evidence { regions, seen, mismatch, noise, .. } = self.0.evidence;
+        PyArray1::from_slice(py, &[regions as f64, seen, mismatch, noise])
     }
 
     #[getter]

@@ -6,10 +6,8 @@ use std::f64::consts::PI;
 use nalgebra::{Matrix6, Quaternion, Rotation3, SMatrix, SymmetricEigen, UnitQuaternion, Vector3, Vector6};
 
 use crate::geometry::pose::Pose;
+use crate::math::normal::STUDENT_FREEDOM;
 use crate::prior::Prior;
-
-/// Degrees of freedom of Student's distribution of the error of a pose whose covariance is a rough estimate.
-pub const FREEDOM: f64 = 4.0;
 
 /// Nodes of the rule over scales: the logarithm of the mass is exact to 0.1 within three deviations, and to 0.3 at six.
 const SCALES: usize = 12;
@@ -79,7 +77,7 @@ impl PoseDensity {
     /// Student's density about a pose with a covariance of its left increment; `None` for a matrix that is no covariance.
     pub fn student(pose: Pose, covariance: &Matrix6<f64>) -> Option<Self> {
         let root = covariance.cholesky()?;
-        let log_height = log_gamma_ratio() - 3.0 * (FREEDOM * PI).ln() - root.l().diagonal().map(f64::ln).sum();
+        let log_height = log_gamma_ratio() - 3.0 * (STUDENT_FREEDOM * PI).ln() - root.l().diagonal().map(f64::ln).sum();
         Some(Self::Student { pose, information: root.inverse(), log_height })
     }
 
@@ -92,12 +90,12 @@ impl PoseDensity {
         let root = information.cholesky()?.l();
         let increment = middle.local_coordinates(pose);
         let squares = increment.dot(&(information * increment));
-        let pull = (FREEDOM + 6.0) / (FREEDOM + squares);
+        let pull = (STUDENT_FREEDOM + 6.0) / (STUDENT_FREEDOM + squares);
         let way = root.tr_mul(&increment);
         // In units of the deviations, without the density's own curvature.
         let whitened = root.try_inverse()?;
         let whole = whitened * curvature * whitened.transpose();
-        let own = (Matrix6::identity() - way * way.transpose() * (2.0 / (FREEDOM + squares))) * pull;
+        let own = (Matrix6::identity() - way * way.transpose() * (2.0 / (STUDENT_FREEDOM + squares))) * pull;
         let eigen = SymmetricEigen::new(whole - own);
         let along = eigen.eigenvectors.tr_mul(&way);
         let of_scale = |[scale, weight]: [f64; 2]| {
@@ -128,14 +126,14 @@ impl PoseDensity {
                 let increment = middle.local_coordinates(pose);
                 let pull = information * increment;
                 let squares = increment.dot(&pull);
-                let weight = FREEDOM + 6.0;
-                let by_middle = -pull * (weight / (FREEDOM + squares));
+                let weight = STUDENT_FREEDOM + 6.0;
+                let by_middle = -pull * (weight / (STUDENT_FREEDOM + squares));
                 let derivative = crate::geometry::pose::increment_derivative(&increment);
                 let slope = derivative.try_inverse().map_or(by_middle, |inverse| inverse.tr_mul(&by_middle));
                 DensityAt {
-                    value: log_height - 0.5 * weight * (squares / FREEDOM).ln_1p(),
+                    value: log_height - 0.5 * weight * (squares / STUDENT_FREEDOM).ln_1p(),
                     slope,
-                    information: information * (weight / (FREEDOM + squares)).min(1.0),
+                    information: information * (weight / (STUDENT_FREEDOM + squares)).min(1.0),
                 }
             }
         }
@@ -191,7 +189,9 @@ impl Sampler {
         // Student's deviates are normal ones over the root of a mean square of four others: an exponential of two uniform numbers.
         let scale = match &self.density {
             PoseDensity::Prior { .. } => 1.0,
-            PoseDensity::Student { .. } => (-2.0 * ((1.0 - uniform[0]) * (1.0 - uniform[1])).ln() / FREEDOM).sqrt(),
+            PoseDensity::Student { .. } => {
+                (-2.0 * ((1.0 - uniform[0]) * (1.0 - uniform[1])).ln() / STUDENT_FREEDOM).sqrt()
+            }
         };
         base.retract(&(self.mean + self.root * Vector6::from(*normal) / scale.max(LEAST_SCALE)))
     }
@@ -280,7 +280,9 @@ fn scales() -> [[f64; 2]; SCALES] {
         }
     });
     let eigen = SymmetricEigen::new(jacobi);
-    std::array::from_fn(|place| [2.0 * eigen.eigenvalues[place] / FREEDOM, eigen.eigenvectors[(0, place)].powi(2)])
+    std::array::from_fn(|place| {
+        [2.0 * eigen.eigenvalues[place] / STUDENT_FREEDOM, eigen.eigenvectors[(0, place)].powi(2)]
+    })
 }
 
 /// Logarithm of `Gamma((4 + 6) / 2) / Gamma(4 / 2)` = 4!.

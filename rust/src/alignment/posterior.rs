@@ -13,7 +13,7 @@ use crate::geometry::pose::{Pose, increment_derivative};
 const LEAST_CURVATURE: f64 = 0.2;
 
 /// Move of the edges within which poses are refined to a maximum, pixels: the widest spread of a refinement.
-const WIDEST_PX: f64 = 8.0;
+const WIDEST_PX: f64 = SPREADS_PX[1];
 
 /// Longest steps of the finite differences of the curvature, in the prior's deviations and in the finest spread: a step of half a
 /// Gaussian's deviation makes its curvature an eighth too small, and one of several deviations makes it zero.

@@ -11,6 +11,7 @@ use super::null_poses::{RANKING_NULLS, weights_about, weights_among};
 use super::parallel::mapped;
 use super::posterior::{Mode, Posterior, Weight};
 use crate::budget::Budget;
+use crate::equations::step_bounds::CONVERGENCE_RADIUS;
 use crate::error::Result;
 use crate::geometry::pose::Pose;
 
@@ -70,9 +71,6 @@ const WORK: [u64; STEPS] = [1, 90, 190, 1400];
 
 /// Root mean square distance of the edges of two poses, in spreads, from which on they count as different maxima.
 const APART: f64 = 0.5;
-
-/// Turn, rad, that moves the edges of any photo by more than that.
-const FAR_TURN: f64 = 0.2;
 
 /// Number of null poses of all directions: they estimate a variance to a tenth.
 const NULLS: usize = 256;
@@ -173,7 +171,7 @@ fn distinct(
     for ((pose, _), metric) in candidates.iter().zip(made) {
         let is_new = kept.iter().zip(&metrics).all(|(other, metric)| {
             // This alone distinguishes most pairs.
-            pose.angle_to(other) > FAR_TURN || {
+            pose.angle_to(other) > CONVERGENCE_RADIUS || {
                 let way = other.local_coordinates(pose);
                 way.dot(&(metric * way)) > APART * APART
             }

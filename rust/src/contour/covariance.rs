@@ -13,21 +13,16 @@ use crate::equations::normal_equations::{in_lanes, outer_products, turned};
 use crate::geometry::pose::PARAMETERS;
 use crate::math::autocorrelation::correlation;
 use crate::math::lanes::{Lanes, NullaryFnOnce, vectorized};
+use crate::noise::boundary::{CALIBRATION, QUANTIZATION};
 
 /// Least ratio of the mean slope to the mean weight: below it, the contour does not constrain the pose at this scale.
 const LEAST_SLOPE: f64 = 0.1;
-
-/// Least deviation of a piece, pixels: the quality of calibrations.
-const NOISE_FLOOR: f64 = 0.06;
 
 /// Numbers that a line has: where the two ends of a side are.
 const ENDS: f64 = 2.0;
 
 /// Mean square of the distances along a side, of its ends' variance: the mean of `t^2 + (1 - t)^2`.
 const OF_ENDS: f64 = 2.0 / 3.0;
-
-/// Prior variance of a corner along either axis: that of a uniform place within a pixel.
-const WITHIN_PIXEL: f64 = 1.0 / 12.0;
 
 /// Degrees of freedom that an estimated variance costs: Student's distribution of `n` has the variance `n / (n - 2)`.
 const STUDENT: f64 = 2.0;
@@ -82,7 +77,7 @@ fn scatter(rows: &Rows<'_>, inverse: &Matrix6<f64>) -> Matrix6<f64> {
     let pulls: Vec<f64> = rows.all.iter().zip(&rests).map(|(row, rest)| row.weight * rest).collect();
     let correlation = correlation(&pulls, &rows.counts);
     let squares = rows.times() * pulls.iter().zip(&rests).map(|(pull, rest)| pull * rest).sum::<f64>() / held;
-    let floor = (NOISE_FLOOR * NOISE_FLOOR - squares).max(0.0);
+    let floor = (CALIBRATION * CALIBRATION - squares).max(0.0);
     let factor = correlation * held / (held - lines).max(1.0);
     let [single, independent] = rows.products(|index, row| {
         let square = row.weight * row.weight;
@@ -92,8 +87,9 @@ fn scatter(rows: &Rows<'_>, inverse: &Matrix6<f64>) -> Matrix6<f64> {
     let degrees_of_freedom = residual_dof(rows.contours, rows.step);
     let variance = corners_variance(rows) * straightness(&rows.all, &rests, &sides);
     // Four corners fit many a pose closely: the residuals of so few hardly constrain their noise.
-    let variance =
-        ((degrees_of_freedom - PRIOR_OBSERVATIONS) * variance + PRIOR_OBSERVATIONS * WITHIN_PIXEL) / degrees_of_freedom;
+    let variance = ((degrees_of_freedom - PRIOR_OBSERVATIONS) * variance
+        + PRIOR_OBSERVATIONS * QUANTIZATION * QUANTIZATION)
+        / degrees_of_freedom;
     let scatter = single + corners_scatter(rows, &sides, variance);
     // A side that is off as a whole is two measurements, whatever the number of its pieces.
     let alike = (inverse * scatter).trace() / (inverse * independent).trace().max(f64::MIN_POSITIVE);
@@ -107,7 +103,7 @@ fn scatter(rows: &Rows<'_>, inverse: &Matrix6<f64>) -> Matrix6<f64> {
 impl<'a> Rows<'a> {
     fn at(contours: &'a [Contour], fit: &ContourFit, budget: &Budget) -> Option<Self> {
         // Where a few pieces lie within the floor, that is the noise, and all of them add no information.
-        let step = if fit.root_mean_square() < NOISE_FLOOR { fit.step() } else { 1 };
+        let step = if fit.root_mean_square() < CALIBRATION { fit.step() } else { 1 };
         let counts: Vec<usize> = contours.iter().map(|contour| contour.count(step)).collect();
         let count = counts.iter().sum();
         let (mut all, mut derivatives) = (Vec::with_capacity(count), Vec::with_capacity(count));

@@ -6,27 +6,21 @@ use std::cell::OnceCell;
 use nalgebra::{Vector2, Vector3, Vector6};
 
 use super::neighbors::neighbors;
-use super::pieces::{edges, straight_runs};
+use super::pieces::{STRAIGHT, edges, straight_runs};
 use crate::budget::Budget;
 use crate::equations::residual::RegionEquations;
 use crate::geometry::edge_boxes::{Corners, EdgeBoxes};
 use crate::geometry::pose::Pose;
 use crate::math::gaussian::Gaussian;
+use crate::noise::boundary::DRAWN;
+use crate::noise::contamination::{LEAST_RATIO, PRIOR_SHARE, SIZE_RATIO};
 use crate::region::WorldRegion;
 
-/// Standard deviation of either end of a shared edge across it, pixels: drawn by hand, on frames of natural scenes.
-const SIGMA: f64 = 1.5;
+/// Distance, pixels, up to which two outlines share an edge: a hand's error of each.
+const SHARED: f64 = 2.0 * DRAWN;
 
-/// Share of shared edges that are none of the planes', such as a roof's that stands over, and how far off these are, pixels:
-/// as of disturbed parts of contours, of a region some 200 pixels across.
-const DOUBTFUL: f64 = 0.03;
-const WIDE: f64 = 20.0;
-
-/// Distance, pixels, up to which two outlines share an edge: twice a hand's error of each.
-const SHARED: f64 = 5.0;
-
-/// Length, pixels, from which an edge is shared: its ends, off by 1.5 px each, then turn it by 6 degrees (1 sigma).
-const SHORTEST: f64 = 20.0;
+/// Length, pixels, from which an edge is shared: its ends, off by a hand's error, turn it by what a straight run may turn.
+const SHORTEST: f64 = DRAWN / STRAIGHT;
 
 /// Least sine of the angle between planes (20 degrees): the error of their line is that of the planes over the sine.
 const APART: f64 = 0.34;
@@ -48,6 +42,8 @@ pub struct Crease {
     pub direction: Vector3<f64>,
     /// Pixels per radian.
     pixels: f64,
+    /// Scale of how far an edge is off that is none of the planes', such as a roof's that stands over, pixels.
+    wide: f64,
 }
 
 /// The creases of all pairs of regions, world coordinates about `origin`.
@@ -63,7 +59,16 @@ pub fn creases(
         let (point, direction) = meeting_line(&worlds[pair[0]], &worlds[pair[1]], budget)?;
         let ends = shared_edge(&regions[pair[0]], pair.map(sides_of), budget)?;
         let pixels = pair.map(|index| regions[index].pixels_per_radian());
-        Some(Crease { regions: pair, ends, point: point - origin, direction, pixels: (pixels[0] + pixels[1]) / 2.0 })
+        let wide = SIZE_RATIO * 0.5 * pair.iter().map(|&index| regions[index].pixel_area().sqrt()).sum::<f64>();
+        let wide = wide.max(LEAST_RATIO * DRAWN);
+        Some(Crease {
+            regions: pair,
+            ends,
+            point: point - origin,
+            direction,
+            pixels: (pixels[0] + pixels[1]) / 2.0,
+            wide,
+        })
     };
     neighbors(regions, |region| SHARED / region.pixels_per_radian(), budget).into_iter().filter_map(crease).collect()
 }
@@ -183,11 +188,11 @@ impl Crease {
         let mut factor = Gaussian::default();
         let Some(rows) = self.rows(pose) else { return factor };
         let square: f64 = rows.iter().map(|(distance, _)| distance * distance).sum();
-        let [own, other] = [(1.0 - DOUBTFUL, SIGMA), (DOUBTFUL, WIDE)]
+        let [own, other] = [(1.0 - PRIOR_SHARE, DRAWN), (PRIOR_SHARE, self.wide)]
             .map(|(share, sigma)| share.ln() - 0.5 * square / (sigma * sigma) - 2.0 * sigma.ln());
         let most = own.max(other);
         let all = most + ((own - most).exp() + (other - most).exp()).ln();
-        let weight = (own - all).exp() / (SIGMA * SIGMA) + (other - all).exp() / (WIDE * WIDE);
+        let weight = (own - all).exp() / (DRAWN * DRAWN) + (other - all).exp() / (self.wide * self.wide);
         for (distance, row) in rows {
             factor.information.ger(weight, &row, &row, 1.0);
             factor.information_vector -= row * (weight * distance);

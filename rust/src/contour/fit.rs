@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use nalgebra::{Matrix6, Vector6};
 
-use super::mixture::{Distances, Mixture, SCALE_STEP};
+use super::mixture::{Distances, Mixture};
 use super::readings::{Contour, Reading};
 use super::region_preference::{RegionPreference, compare_by_region, of_counted};
 use crate::budget::Budget;
@@ -14,19 +14,10 @@ use crate::equations::step_bounds::{backtracked, clamped};
 use crate::geometry::pose::{Pose, Tangent};
 use crate::math::autocorrelation::{centered, correlation, mean, sigmas, split};
 use crate::math::gaussian::Gaussian;
-
-/// The finest scale, in pixels: pieces of a binary mask's contour scatter by 0.15 to 0.25.
-pub const FINEST_SCALE: f64 = 0.25;
-
-/// Scale of inliers at a pose that is not refined, pixels: that of corners' noise.
-const ROUGH: f64 = 3.0;
-
-/// Scale of outliers there, as a share of a region's size: as far as a hidden part reaches.
-const FAR_OFF: f64 = 0.25;
-
-/// The first scale over the distance within which half of the pieces lie: the standard deviation of a normal distribution with
-/// that median is 1.48 times as large, and no piece is to be an outlier yet.
-const FIRST_SCALE: f64 = 2.2;
+use crate::math::normal::MAD_TO_SIGMA;
+use crate::math::odds::DECISIVE_DEVIANCE;
+use crate::noise::boundary::{DRAWN, FINE, HALF_LEVEL, MEDIUM};
+use crate::noise::contamination::{LEAST_RATIO, MAJORITY, PRIOR_SHARE};
 
 /// Gauss-Newton steps from one reading of the nearest edges to the next at most: from 10 degrees off one step converges less often
 /// than two (`cargo test directions::`), and a third takes a tenth more time. And such rounds at the finest scale: a convention.
@@ -37,33 +28,9 @@ const LAST_ROUNDS: usize = 8;
 /// tenth of the resolution of a thousand pieces.
 const CONVERGED: f64 = 3e-3;
 
-/// Halvings of a step that takes a region out of view: a convention.
-const HALVINGS: usize = 6;
-
-/// Longest step, rad and share of the distance: a convention.
-const LONGEST_STEP: f64 = 0.1;
-
 /// Added to the diagonal of the normal equations, as a share of it, so that a free direction stays where it is: above
 /// their rounding, below the information of any piece.
 const RIDGE: f64 = 1e-9;
-
-/// A piece is an outlier at this many standard deviations of the clean ones; a clean contour has such pieces at corners alone.
-const OUTLIER_SIGMAS: f64 = 4.0;
-const MAX_OUTLIER_FRACTION: f64 = 0.02;
-
-/// Standard deviation of the pieces' distances, pixels, above which a contour isn't clean, however even they are.
-const CLEAN_SIGMA: f64 = 1.0;
-
-/// Clean share of a contour above which it is mostly clean.
-pub const MOSTLY: f64 = 0.5;
-
-/// Another pose fits as well when its likelihood is below the best by less than this many variances: five standard
-/// deviations, a convention.
-///
-/// As many count at most against a pose whose likelihood is behind by one standard deviation of chance, from the
-/// scatter of the pieces' own differences: turns of symmetric shapes differ by 0.6 at most, poses that fit worse by
-/// more than one (`cargo test symmetry::`).
-pub const AMBIGUITY: f64 = 25.0;
 
 /// A pose with the contours' residuals and their mixture.
 #[derive(Debug, Clone)]
@@ -92,7 +59,7 @@ impl ContourFit {
     }
 
     fn of(pose: Pose, readings: Readings, step: usize) -> Self {
-        let mixture = readings.distances().mixture(FINEST_SCALE);
+        let mixture = readings.distances().mixture(FINE);
         Self { pose, mixture, readings: readings.all, counts: readings.counts, step, clean: OnceLock::new() }
     }
 
@@ -123,7 +90,7 @@ impl ContourFit {
     /// The distance beyond which a piece is an outlier, pixels.
     #[doc(hidden)]
     pub fn outlier_threshold(&self) -> f64 {
-        OUTLIER_SIGMAS * self.mixture.sigma
+        LEAST_RATIO * self.mixture.sigma
     }
 
     fn of_each<T>(&self, value: impl Fn(usize, &Reading) -> T) -> Vec<T> {
@@ -147,7 +114,7 @@ impl ContourFit {
     pub fn is_clean(&self) -> bool {
         let limit = self.outlier_threshold();
         let outliers = self.readings.iter().filter(|reading| reading.robust_distance > limit).count();
-        self.mixture.sigma < CLEAN_SIGMA && (outliers as f64) < MAX_OUTLIER_FRACTION * self.readings.len() as f64
+        self.mixture.sigma < MEDIUM && (outliers as f64) < PRIOR_SHARE * self.readings.len() as f64
     }
 
     /// Pieces of the contours that vary independently of each other.
@@ -156,7 +123,7 @@ impl ContourFit {
     /// a whole, or clean, some of which match a wrong pose by chance.
     pub fn independent(&self) -> f64 {
         let shares = self.clean_shares();
-        if shares.iter().all(|&share| share > MOSTLY) {
+        if shares.iter().all(|&share| share > MAJORITY) {
             let clean = shares.iter().zip(&self.counts).map(|(share, &count)| share * count as f64);
             return self.step as f64 * clean.sum::<f64>();
         }
@@ -221,7 +188,7 @@ impl ContourFit {
             let share = self.independent().min(numbers) / self.readings.len().max(1) as f64;
             let (differences, counts) = of_counted(&differences, &self.counts, counted);
             let sigmas = sigmas(&differences, &counts);
-            (2.0 * share * differences.iter().sum::<f64>()).min(AMBIGUITY * sigmas * sigmas.abs())
+            (2.0 * share * differences.iter().sum::<f64>()).min(DECISIVE_DEVIANCE * sigmas * sigmas.abs())
         })
     }
 
@@ -244,7 +211,7 @@ impl ContourFit {
                 / readings.len().max(1) as f64
         };
         let shares = self.regions().zip(other.regions()).map(|((_, own), (_, others))| [own, others].map(on_contour));
-        shares.map(|[own, others]| RegionPreference::of(own > others + MOSTLY, others > own + MOSTLY)).collect()
+        shares.map(|[own, others]| RegionPreference::of(own > others + MAJORITY, others > own + MAJORITY)).collect()
     }
 }
 
@@ -299,7 +266,7 @@ impl<'a> FixedMixture<'a> {
     /// The fixed mixture, evaluated at every `step`-th piece.
     pub fn new(contours: &'a [Contour], step: usize, budget: &'a Budget) -> Self {
         let size = contours.iter().map(Contour::size).fold(0.0, f64::max);
-        Self { contours, step, mixture: Mixture::even(ROUGH, FAR_OFF * size, contours.len()), budget }
+        Self { contours, step, mixture: Mixture::even(DRAWN, size / LEAST_RATIO, contours.len()), budget }
     }
 
     /// Minus the mean logarithm of the density at a pose; infinite where a region is out of view, and the largest number
@@ -319,7 +286,7 @@ impl<'a> FixedMixture<'a> {
 /// what lies far off loses its weight step by step. `None` where a region is out of view at the start.
 pub fn refined(contours: &[Contour], start: &Pose, step: usize, budget: &Budget) -> Option<ContourFit> {
     let readings = Readings::at(contours, start, step, budget)?;
-    let scale = FIRST_SCALE * readings.median();
+    let scale = MAD_TO_SIGMA * readings.median();
     refined_from(contours, start, step, readings, scale, budget)
 }
 
@@ -349,7 +316,7 @@ fn refined_from(
             break;
         }
         // The comparison fails for a scale that is not finite, too.
-        let last = !(scale > FINEST_SCALE && scale.is_finite());
+        let last = !(scale > FINE && scale.is_finite());
         // Of a few pieces the place is not final.
         for _ in 0..if last && step == 1 { LAST_ROUNDS } else { 1 } {
             let (next, converged) = stepped(contours, pose, step, &readings, &mixture, budget);
@@ -362,7 +329,7 @@ fn refined_from(
         if last {
             break;
         }
-        scale = (scale / SCALE_STEP).max(FINEST_SCALE);
+        scale = (scale / HALF_LEVEL).max(FINE);
     }
     let last = ContourFit::of(pose, readings, step);
     // A pose on the way is likelier still by a mixture whose scale is free.
@@ -407,7 +374,7 @@ fn equations_at(
     let mut equations = NormalEquations::default();
     for (region, (contour, before)) in contours.iter().zip(split(&readings.all, &readings.counts)).enumerate() {
         let odds = mixture.odds(region);
-        let weight = |reading: &Reading| match mixture.sigma > FINEST_SCALE {
+        let weight = |reading: &Reading| match mixture.sigma > FINE {
             // At coarse scales outliers have no weight; at the finest the gradient is that of the whole density.
             true => odds.clean_probability(reading),
             false => odds.weight(reading),
@@ -427,5 +394,5 @@ fn gauss_newton(equations: &NormalEquations) -> Option<Tangent> {
 /// The pose moved by an increment, shortened until every region is in view.
 fn advanced(contours: &[Contour], pose: &Pose, increment: &Tangent) -> Option<Pose> {
     let in_view = |moved: &Pose| contours.iter().all(|contour| contour.is_in_view(moved));
-    backtracked(pose, &clamped(increment, pose, LONGEST_STEP), HALVINGS, in_view)
+    backtracked(pose, &clamped(increment, pose), in_view)
 }

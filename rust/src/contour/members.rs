@@ -1,7 +1,8 @@
 //! Posterior odds that each region is an inlier of a pose (`docs/math.md`, eq. 11.8).
 
-use super::fit::{ContourFit, MOSTLY};
+use super::fit::ContourFit;
 use super::readings::Reading;
+use crate::noise::contamination::MAJORITY;
 
 /// Share of a contour that lies on the projected boundary of another region by chance: it crosses that here and there.
 const BY_CHANCE: f64 = 0.06;
@@ -22,7 +23,7 @@ pub fn log_odds(fit: &ContourFit) -> Vec<f64> {
     let independent = fit.independent() / all.max(1) as f64;
     let cleanest = greatest_of_others(&shares);
     let odds = |(region, pieces): (usize, usize)| {
-        let Some(own) = cleanest[region].map(|cleanest| MOSTLY * cleanest) else { return f64::INFINITY };
+        let Some(own) = cleanest[region].map(|cleanest| MAJORITY * cleanest) else { return f64::INFINITY };
         // Where no region is found, the odds are even.
         let own = if own < LEAST_OWN { BY_CHANCE } else { own };
         let [clean, disturbed] = [own / BY_CHANCE, (1.0 - own) / (1.0 - BY_CHANCE)].map(f64::ln);
@@ -40,7 +41,7 @@ pub fn contradicted(fit: &ContourFit) -> Vec<bool> {
     let shares: Vec<f64> =
         shares.map(|(clean, (_, readings))| clean.max(near(readings) / readings.len().max(1) as f64)).collect();
     let cleanest = greatest_of_others(&shares);
-    shares.iter().zip(cleanest).map(|(share, cleanest)| share + MOSTLY < cleanest.unwrap_or(0.0)).collect()
+    shares.iter().zip(cleanest).map(|(share, cleanest)| share + MAJORITY < cleanest.unwrap_or(0.0)).collect()
 }
 
 /// The greatest of all numbers but each; `None` of one alone.

@@ -1,19 +1,16 @@
 //! The robust likelihood of a pose: a mixture of two normal distributions, inliers and outliers, of the distances between contours
 //! and projected boundaries (`docs/math.md`, eq. 11.5).
 
+use super::degrees_of_freedom::PRIOR_OBSERVATIONS;
 use super::readings::Reading;
+use crate::noise::boundary::{CALIBRATION, HALF_LEVEL};
+use crate::noise::contamination::PRIOR_SHARE;
 
-/// Least distance that is distinguished from zero, pixels, and the ratio of neighboring bins, far finer than the scales:
-/// conventions.
-const FIRST_BIN: f64 = 0.05;
+/// Ratio of neighboring bins, far finer than the scales; those nearer than what calibrations leave are one: a convention.
 const BIN_RATIO: f64 = 1.2;
 
 /// Bins, up to 1e5 pixels.
 const BINS: usize = 80;
-
-/// Ratio of neighboring scales: of those that are tried, and of the wide scale over the narrow one at least, since a
-/// nearer one is no other scale. A convention.
-pub(super) const SCALE_STEP: f64 = 2.0;
 
 /// Steps of expectation-maximization for the shares and the wide scale at a narrow one, and from those at half of
 /// it: conventions.
@@ -26,9 +23,6 @@ const FIRST_SHARE: f64 = 0.3;
 
 /// Odds from which a piece is disturbed for certain in double precision: one less the inverse of more rounds to one.
 const CERTAIN: f64 = 8.0 / f64::EPSILON;
-
-/// Bounds of a region's disturbed share: a piece in a thousand, more than a region has. A convention.
-const SHARES: (f64, f64) = (1e-3, 0.999);
 
 /// Two normal distributions of distances, of the clean pieces and of the disturbed ones, and the share of these in each region.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,7 +44,7 @@ impl Mixture {
     pub fn even(sigma: f64, wide: f64, regions: usize) -> Self {
         Self {
             sigma,
-            outlier_sigma: wide.max(SCALE_STEP * sigma),
+            outlier_sigma: wide.max(HALF_LEVEL * sigma),
             outlier_fractions: vec![0.5; regions],
             likelihood: f64::NAN,
         }
@@ -123,7 +117,7 @@ pub struct Distances {
 fn binned(distances: impl Iterator<Item = f64>) -> Vec<(f64, f64)> {
     let mut sums = [(0.0, 0.0); BINS];
     for distance in distances {
-        let bin = ((distance / FIRST_BIN).max(1.0).ln() / BIN_RATIO.ln()) as usize;
+        let bin = ((distance / CALIBRATION).max(1.0).ln() / BIN_RATIO.ln()) as usize;
         let (squares, held) = &mut sums[bin.min(BINS - 1)];
         *squares += distance * distance;
         *held += 1.0;
@@ -151,8 +145,8 @@ impl Distances {
         let spread = self.root_mean_square();
         let mut best = self.mixture_of(finest, spread);
         let mut next = best.clone();
-        while (SCALE_STEP * next.sigma).powi(2) < SCALE_STEP * spread * spread {
-            next.sigma *= SCALE_STEP;
+        while (HALF_LEVEL * next.sigma).powi(2) < HALF_LEVEL * spread * spread {
+            next.sigma *= HALF_LEVEL;
             self.improve_times(NEXT_ITERATIONS, &mut next, None);
             if next.likelihood > best.likelihood {
                 best = next.clone();
@@ -166,7 +160,7 @@ impl Distances {
     pub fn mixture_of(&self, sigma: f64, spread: f64) -> Mixture {
         let mut mixture = Mixture {
             sigma,
-            outlier_sigma: (FIRST_WIDE * spread).max(SCALE_STEP * sigma),
+            outlier_sigma: (FIRST_WIDE * spread).max(HALF_LEVEL * sigma),
             outlier_fractions: vec![FIRST_SHARE; self.regions.len()],
             likelihood: f64::NAN,
         };
@@ -198,13 +192,14 @@ impl Distances {
             }
             others += disturbed;
             all += count;
-            *share = (disturbed / f64::max(count, 1.0)).clamp(SHARES.0, SHARES.1);
+            // The prior counts as one observation.
+            *share = (disturbed + PRIOR_OBSERVATIONS * PRIOR_SHARE) / (count + PRIOR_OBSERVATIONS);
         }
         if let Some(finest) = finest {
             mixture.sigma =
                 ((all_squares - squares) / (all - others).max(f64::MIN_POSITIVE)).max(0.0).sqrt().max(finest);
         }
-        mixture.outlier_sigma = (squares / others.max(f64::MIN_POSITIVE)).sqrt().max(SCALE_STEP * mixture.sigma);
+        mixture.outlier_sigma = (squares / others.max(f64::MIN_POSITIVE)).sqrt().max(HALF_LEVEL * mixture.sigma);
     }
 
     /// Mean logarithm of the density over all pieces.

@@ -20,7 +20,7 @@ const ROUNDING: f64 = 1e-12;
 
 /// Turn, as a sine, up to which neighboring edges go on as one straight run: a camera bends a straight line into edges that
 /// turn by less, and a mask's staircase turns by 45 degrees.
-const STRAIGHT: f64 = 0.1;
+pub(super) const STRAIGHT: f64 = 0.1;
 
 /// A short part of an observed contour.
 #[derive(Debug, Clone, Copy)]

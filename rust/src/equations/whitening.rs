@@ -7,10 +7,8 @@ use crate::equations::system::{HIGHEST_ORDER, MOST_EQUATIONS, PLANE_EXPONENTS, S
 use crate::geometry::rings::PlaneRings;
 use crate::math::lanes::{LANES, Lanes, NullaryFnOnce, vectorized};
 use crate::moments::plane::planar_moments;
+use crate::noise::boundary::QUANTIZATION;
 use crate::view::chart::Chart;
-
-/// Least noise of the boundary along its normal, in pixels: that of a binary mask, uniform over a pixel.
-const LEAST_NOISE: f64 = 0.29;
 
 /// Pivots of the covariance below this share of the largest are taken for round-off and their functions left out.
 const PIVOT_CUT: f64 = 1e-13;
@@ -63,7 +61,7 @@ impl BoundaryCovariance {
 
     /// The covariance for a noise of standard deviation `sigma` pixels, over its variance.
     fn at(&self, sigma: f64, orders: Orders) -> Covariance {
-        let variance = sigma.max(LEAST_NOISE).powi(2);
+        let variance = sigma.max(QUANTIZATION).powi(2);
         let count = match orders {
             Orders::All => self.bias.len(),
             Orders::Low => self.low,

@@ -4,4 +4,5 @@ pub mod autocorrelation;
 pub mod gaussian;
 pub(crate) mod lanes;
 pub mod normal;
+pub mod odds;
 pub mod single_precision;

@@ -6,6 +6,7 @@ use super::plane::{PlaneFrame, PrincipalAxes};
 use super::points::extent;
 use crate::budget::Budget;
 use crate::error::Result;
+use crate::math::normal::{MAD_TO_SIGMA, OUTLIER_SIGMAS};
 
 /// Points below which all of them count: a majority of fewer than five for each of a plane's numbers lies on some plane by chance
 /// (Rousseeuw, Leroy 1987, section 1.4).
@@ -16,12 +17,6 @@ const TRIALS: usize = 200;
 
 /// Points from which a trial plane's median distance is taken; more change it by under 3 %.
 const JUDGES: usize = 2000;
-
-/// Standard deviation of a normal distribution over its median absolute deviation: 1 / norm.ppf(3/4).
-const MAD_TO_SIGMA: f64 = 1.482_602_218_505_602;
-
-/// Points farther from the plane than this many standard deviations have no part in it: a convention.
-const INLIER_SIGMAS: f64 = 3.0;
 
 /// Distance from its plane that rounding alone gives a point, in epsilons of the extent.
 const ROUNDINGS: f64 = 64.0;
@@ -35,9 +30,6 @@ const LINE_WIDTH: f64 = 0.15;
 
 /// Width over length of all points, in that of such a line, from which they show another plane.
 const WIDER: f64 = 1.3;
-
-/// Noise of the plane of all points over the width of such a line at most; outliers make it larger.
-const LINE_NOISES: f64 = 3.0;
 
 /// Least width over length of a line that is compared with the noise, for range noise that leaves it in its plane.
 const MIN_LINE_NOISE: f64 = 0.02;
@@ -81,7 +73,7 @@ fn refitted(points: &[Vector3<f64>], start: PlaneFrame) -> Result<RobustPlane> {
     let mut plane = RobustPlane { frame: start, inliers: (0..points.len()).collect() };
     for _ in 0..REFITS {
         let distances: Vec<f64> = points.iter().map(|point| plane.frame.height(point).abs()).collect();
-        let most = (INLIER_SIGMAS * MAD_TO_SIGMA * median(&mut distances.clone())).max(least);
+        let most = (OUTLIER_SIGMAS * MAD_TO_SIGMA * median(&mut distances.clone())).max(least);
         let kept: Vec<usize> = (0..points.len()).filter(|&index| distances[index] <= most).collect();
         if kept.len() < 3 {
             break;
@@ -128,7 +120,7 @@ fn is_line_of(points: &[Vector3<f64>], line: &RobustPlane, plane: &RobustPlane) 
     let deviations = |points: &[Vector3<f64>]| PrincipalAxes::of(points).map_or([0.0; 3], |axes| axes.deviations);
     let ([length, width, _], [whole_length, whole_width, _]) = (deviations(&own), deviations(&whole));
     let noise = deviation(&whole.iter().map(|point| plane.frame.height(point)).collect::<Vec<_>>());
-    let is_narrow = width < LINE_WIDTH * length && noise < LINE_NOISES * width.max(MIN_LINE_NOISE * length);
+    let is_narrow = width < LINE_WIDTH * length && noise < OUTLIER_SIGMAS * width.max(MIN_LINE_NOISE * length);
     is_narrow && whole.len() > own.len() && whole_width * length > WIDER * width * whole_length
 }
 

@@ -7,16 +7,15 @@ use nalgebra::{Matrix6, Vector6};
 
 use super::chain::SegmentRing;
 use super::ep::ContourFactor;
-use super::label_model::{LabelModel, LabelStats, MIN_OUTLIER_RATIO, NoiseLevels, OUTLIER_SIZE_RATIO};
+use super::label_model::{LabelModel, LabelStats, NoiseLevels};
 use super::margin::{EdgeKind, MAX_SIGMAS, ProjectedSample, SampledRegion};
 use super::probit_site::LabelSite;
 use super::segment::{ContourSegment, STATES, SegmentSite, SegmentState};
 use crate::budget::Budget;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::math::gaussian::{Gaussian, Normal};
-
-/// Sigmas beyond which a sample is clearly on the wrong side.
-pub(super) const CLEARLY_WRONG_SIGMAS: f64 = 2.0;
+use crate::math::normal::OUTLIER_SIGMAS;
+use crate::noise::contamination::{LEAST_RATIO, SIZE_RATIO};
 
 /// Distance of sigma points from the mean in standard deviations, the square root of the dimension: their covariance is the
 /// distribution's.
@@ -133,9 +132,9 @@ impl<'a> ActiveSet<'a> {
         self.dilation_sigma = noise.dilation;
         self.corner_sigma = if self.by_segment { noise.corner_sigma() } else { 0.0 };
         for (model, sampled) in self.models.iter_mut().zip(self.regions) {
-            let outlier_sigma = if self.by_segment { model.outlier_sigma } else { OUTLIER_SIZE_RATIO * sampled.size() };
+            let outlier_sigma = if self.by_segment { model.outlier_sigma } else { SIZE_RATIO * sampled.size() };
             model.sigma = noise.label;
-            model.outlier_sigma = outlier_sigma.max(MIN_OUTLIER_RATIO * noise.label.max(self.corner_sigma));
+            model.outlier_sigma = outlier_sigma.max(LEAST_RATIO * noise.label.max(self.corner_sigma));
         }
     }
 
@@ -155,7 +154,7 @@ impl<'a> ActiveSet<'a> {
         };
         let is_wrong = |sample: &&ActiveSample| {
             let (mean, sigma) = margin(sample);
-            sample.site.edge == EdgeKind::Own && mean < -CLEARLY_WRONG_SIGMAS * sigma
+            sample.site.edge == EdgeKind::Own && mean < -OUTLIER_SIGMAS * sigma
         };
         let may_be_outliers = visible.iter().filter(|_| self.by_segment);
         let contradicted: BTreeSet<_> = may_be_outliers.filter(is_wrong).map(ActiveSample::place).collect();

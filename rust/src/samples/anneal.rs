@@ -4,36 +4,22 @@
 use nalgebra::Matrix6;
 
 use super::active_set::ActiveSet;
-use super::label_inference::{LabelInference, MAX_DROP, PoseState};
-use super::label_model::{COARSE_SIGMA, FINEST_SIGMA, LabelModel, NoiseLevels, residual_sigma, subsample_stride};
+use super::label_inference::{LabelInference, PoseState};
+use super::label_model::{LabelModel, NoiseLevels, residual_sigma, subsample_stride};
 use super::margin::SampledRegion;
 use super::posterior::{EQUIVALENT_DEVIANCE, ModeEvidence, Posterior, mixture_moments, wrong_fractions};
 use crate::budget::Budget;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::math::gaussian::{Gaussian, Normal};
+use crate::math::odds::DECISIVE;
+use crate::noise::boundary::{CALIBRATION, COARSE, FINE, HALF_LEVEL, LEVEL_RATIO, MEDIUM};
 
-/// Ratio of label sigmas from level to level of a coarse fit: a convention.
-const COARSE_RATIO: f64 = 0.5;
-
-/// Ratio from level to level with all samples: of labels, dilations and corners. By halves poses are about the same, and take half as long
-/// again (`python -m benchmarks lidar --only scan=samples`, `python -m benchmarks.speed --rows samples`).
-const RATIO: f64 = 0.25;
-
-/// Sigmas of corners, pixels: from a hand's error, and half the width of a lidar's beam beside a region of a few meters, to about the
-/// quality of calibrations.
-const CORNER_SIGMAS: [f64; 3] = [3.2, 3.2 * RATIO, 3.2 * RATIO * RATIO];
-
-/// Sigmas of contours' dilations, pixels.
-const DILATION_SIGMAS: [f64; 3] = CORNER_SIGMAS;
-
-/// Ratio of the likeliest sigma of corners to its neighbors: half a level.
-const NEIGHBOR_RATIO: f64 = 2.0;
+/// Sigmas of corners and of contours' dilations, pixels: from a hand's error, and half the width of a lidar's beam beside a region of a
+/// few meters, to that of pixels.
+const SHARED_SIGMAS: [f64; 3] = [COARSE, MEDIUM, FINE];
 
 /// Nodes between two levels of the integral over the sigma of corners: mean squares are exact to 0.2 % (`cargo test sampled::`).
 const NODES: u32 = 16;
-
-/// Log odds from which finer levels that follow on a level are left out.
-const NEGLIGIBLE_LOG_ODDS: f64 = 10.0;
 
 /// Squared Mahalanobis distance of two states, and difference of their log evidence, up to which they are one: a tenth of each, by
 /// convention.
@@ -70,11 +56,11 @@ pub fn fit_coarse(
     loop {
         let noise = NoiseLevels { label, dilation: 0.0, corner: 0.0 };
         state = inference.run_to_convergence(state, noise, MAX_ROUNDS, false)?;
-        if label <= COARSE_SIGMA {
+        if label <= COARSE {
             let PoseState { pose, log_evidence, increment, .. } = state;
             return Some(CoarseFit { pose, log_evidence, increment, models: inference.samples.models });
         }
-        label = if budget.is_exhausted() { COARSE_SIGMA } else { (label * COARSE_RATIO).max(COARSE_SIGMA) };
+        label = if budget.is_exhausted() { COARSE } else { (label / LEVEL_RATIO).max(COARSE) };
     }
 }
 
@@ -92,16 +78,16 @@ pub fn anneal(
 ) -> Vec<Posterior> {
     let mut tracks: Vec<_> = starts.iter().map(|start| Track::new(regions, prior, start, budget)).collect();
     for label in label_sigmas() {
-        let noise = NoiseLevels { label, dilation: DILATION_SIGMAS[0], corner: CORNER_SIGMAS[0] };
+        let noise = NoiseLevels { label, dilation: SHARED_SIGMAS[0], corner: SHARED_SIGMAS[0] };
         advance(&mut tracks, max_deficit, visited, |_| Some(noise), budget);
     }
-    for dilation in DILATION_SIGMAS {
+    for dilation in SHARED_SIGMAS {
         tracks.retain_mut(|track| track.restore_best().is_some());
-        for corner in CORNER_SIGMAS {
+        for corner in SHARED_SIGMAS {
             advance(&mut tracks, max_deficit, visited, |track| track.likeliest_with(dilation, corner), budget);
         }
     }
-    for ratio in [NEIGHBOR_RATIO, 1.0 / NEIGHBOR_RATIO] {
+    for ratio in [HALF_LEVEL, 1.0 / HALF_LEVEL] {
         tracks.retain_mut(|track| track.restore_best().is_some());
         advance(&mut tracks, max_deficit, visited, |track| track.neighbor_of_likeliest(ratio), budget);
     }
@@ -110,7 +96,7 @@ pub fn anneal(
 
 /// Sigmas of labels with all samples, falling, pixels.
 fn label_sigmas() -> impl Iterator<Item = f64> {
-    std::iter::successors(Some(COARSE_SIGMA), |sigma| Some(sigma * RATIO)).take_while(|sigma| *sigma >= FINEST_SIGMA)
+    std::iter::successors(Some(COARSE), |sigma| Some(sigma / LEVEL_RATIO)).take_while(|sigma| *sigma >= CALIBRATION)
 }
 
 /// The states that tracks have reached at each noise level.
@@ -195,7 +181,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Track<'a, F> {
         let noise = NoiseLevels { dilation, corner, ..self.best.as_ref()?.1 };
         let larger = self.visited.iter().rev().filter(|(_, at)| at.label == noise.label && at.corner >= corner);
         let (last, _) = larger.min_by(|(_, a), (_, b)| a.corner.total_cmp(&b.corner))?;
-        let is_relevant = self.best_log_evidence() - last.log_evidence <= NEGLIGIBLE_LOG_ODDS;
+        let is_relevant = self.best_log_evidence() - last.log_evidence <= DECISIVE;
         (self.is_new(&noise) && is_relevant).then_some(noise)
     }
 
@@ -277,7 +263,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Track<'a, F> {
     fn linearized_statistically(&mut self, noise: NoiseLevels) -> Option<PoseState> {
         let last = self.inference.run_to_convergence(self.state, noise, MAX_LAST_ROUNDS, true)?;
         let log_evidence = last.log_evidence + noise.log_prior();
-        let is_found = last.has_converged && self.state.log_evidence - log_evidence <= MAX_DROP;
+        let is_found = last.has_converged && self.state.log_evidence - log_evidence <= DECISIVE;
         is_found.then_some(PoseState { log_evidence, ..last })
     }
 }
@@ -309,7 +295,7 @@ pub fn noise_weights(levels: &[(f64, NoiseLevels)]) -> Vec<f64> {
         };
         levels.iter().position(|(_, noise)| is_neighbor(noise))
     };
-    if let (Some(below), Some(above)) = (neighbor(1.0 / NEIGHBOR_RATIO), neighbor(NEIGHBOR_RATIO)) {
+    if let (Some(below), Some(above)) = (neighbor(1.0 / HALF_LEVEL), neighbor(HALF_LEVEL)) {
         [weights[below], weights[best], weights[above]] =
             interpolated_weights(levels[below].0 - most, levels[above].0 - most);
     }
@@ -326,9 +312,9 @@ fn interpolated_weights(below: f64, above: f64) -> [f64; 3] {
     for node in 0..2 * NODES {
         let at = (f64::from(node) + 0.5) / f64::from(NODES) - 1.0;
         let log_evidence = 0.5 * at * ((above - below) + at * (above + below));
-        let weight = log_evidence.exp() * NEIGHBOR_RATIO.ln() / (f64::from(NODES) * -RATIO.ln());
+        let weight = log_evidence.exp() * HALF_LEVEL.ln() / (f64::from(NODES) * LEVEL_RATIO.ln());
         let lower = usize::from(node >= NODES);
-        let [square, low, high] = [at, lower as f64 - 1.0, lower as f64].map(|at| NEIGHBOR_RATIO.powf(2.0 * at));
+        let [square, low, high] = [at, lower as f64 - 1.0, lower as f64].map(|at| HALF_LEVEL.powf(2.0 * at));
         let fraction = (square - low) / (high - low);
         weights[lower] += weight * (1.0 - fraction);
         weights[lower + 1] += weight * fraction;

@@ -2,8 +2,9 @@
 
 use super::active_set::{ActiveSet, segment_states};
 use super::ep::{ContourMoments, EpPosterior};
-use super::label_model::{LabelModel, LabelPosterior, LabelStats, MIN_OUTLIER_RATIO, OUTLIER_SIZE_RATIO};
+use super::label_model::{LabelModel, LabelPosterior, LabelStats};
 use crate::math::gaussian::Normal;
+use crate::noise::contamination::{LEAST_RATIO, SIZE_RATIO};
 
 impl ActiveSet<'_> {
     /// Updates the noise of labels and segments by a posterior, and keeps the log probability that this gives each label.
@@ -36,7 +37,7 @@ impl ActiveSet<'_> {
     /// Sets the outlier sigma of each region to the root mean square offset of its disturbed segments and of one as far off as expected.
     fn learn_outlier_sigmas(&mut self, contours: &[ContourMoments]) {
         let mut sums: Vec<(f64, f64)> =
-            self.regions.iter().map(|sampled| (1.0, (OUTLIER_SIZE_RATIO * sampled.size()).powi(2))).collect();
+            self.regions.iter().map(|sampled| (1.0, (SIZE_RATIO * sampled.size()).powi(2))).collect();
         for (contour, moments) in self.contours.iter().zip(contours) {
             let (count, squares) = &mut sums[contour.region];
             for (segment, [_, disturbed]) in contour.segments().zip(&moments.segments) {
@@ -46,7 +47,7 @@ impl ActiveSet<'_> {
             }
         }
         for (model, (count, squares)) in self.models.iter_mut().zip(sums) {
-            model.outlier_sigma = (squares / count).sqrt().max(MIN_OUTLIER_RATIO * model.sigma.max(self.corner_sigma));
+            model.outlier_sigma = (squares / count).sqrt().max(LEAST_RATIO * model.sigma.max(self.corner_sigma));
         }
     }
 

@@ -11,20 +11,13 @@ use crate::budget::Budget;
 use crate::equations::step_bounds::{backtracked, clamped};
 use crate::geometry::pose::{Pose, Tangent};
 use crate::math::gaussian::{Gaussian, Normal};
+use crate::math::odds::DECISIVE;
 
 /// A step by less than this many standard deviations is the last: a convention.
 const CONVERGED_SIGMAS: f64 = 0.1;
 
 /// Factor of damping of steps whose direction turns.
 const DAMPING: f64 = 0.5;
-
-/// Largest drop in log posterior that a step may cause before it is halved, and of a posterior linearized over its distribution against one
-/// linearized at its mean: twice the 3 that six parameters lose by chance.
-pub(super) const MAX_DROP: f64 = 6.0;
-const MAX_HALVINGS: usize = 3;
-
-/// Longest step, rad and share of the distance.
-const MAX_STEP: f64 = 0.3;
 
 /// Ratio of standard deviations between the guard of the first sweep and the last posterior.
 const GUARD_RATIO: f64 = 3.0;
@@ -110,7 +103,7 @@ impl<'a, F: Fn(&Pose) -> Gaussian> LabelInference<'a, F> {
             }
             last_mean = increment.mean;
             let squared_sigmas = increment.mean.dot(&information.solve(&increment.mean));
-            let step = clamped(&(increment.mean * damping), &state.pose, MAX_STEP);
+            let step = clamped(&(increment.mean * damping), &state.pose);
             let pose = self.step(&state.pose, &step, squared_sigmas, noise.label);
             self.samples.retract(&state.pose.local_coordinates(&pose));
             let log_evidence = log_evidence + self.samples.inactive_log_probability();
@@ -157,8 +150,8 @@ impl<'a, F: Fn(&Pose) -> Gaussian> LabelInference<'a, F> {
         let stride = subsample_stride(regions);
         let log_posterior =
             |pose: &Pose| log_likelihood(regions, pose, label_sigma, stride, budget) + (self.prior)(pose).offset;
-        let least = log_posterior(from) - MAX_DROP;
-        backtracked(from, step, MAX_HALVINGS, |pose| log_posterior(pose) >= least).unwrap_or(*from)
+        let least = log_posterior(from) - DECISIVE;
+        backtracked(from, step, |pose| log_posterior(pose) >= least).unwrap_or(*from)
     }
 }
 

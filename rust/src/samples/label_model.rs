@@ -5,33 +5,27 @@ use super::margin::{EdgeKind, Margin, ProjectedSample, SampledRegion};
 use crate::budget::Budget;
 use crate::geometry::pose::Pose;
 use crate::math::normal::{cumulative, density};
+use crate::noise::boundary::{CALIBRATION, COARSE, LARGEST};
+use crate::noise::contamination::{LEAST_RATIO, PRIOR_SHARE};
 
-/// Largest sigma of labels, pixels.
-const MAX_SIGMA: f64 = 64.0;
-
-/// Sigma of labels at which annealing passes from a subsample to all samples, pixels; and the size of that subsample, of all regions
-/// together.
-pub(crate) const COARSE_SIGMA: f64 = 4.0;
+/// Samples of all regions together by which poses are compared and refined at coarse noise.
 const SUBSAMPLE_SIZE: usize = 200;
 
-/// Least sigma of labels, pixels: a quarter of what contours of binary masks scatter by, most of which neighbors share. With 0.25 px,
-/// the ellipsoid of 90 % holds 6 of 20 poses from rows along sides (`cargo test sampled::`).
-pub(super) const FINEST_SIGMA: f64 = 0.0625;
-
-/// Prior means of the mislabeling rate and of the contamination, and the number of samples that they count as.
+/// Prior mean of the mislabeling rate, and the number of samples that it and the contamination count as.
 const PRIOR_MISLABELING: f64 = 0.01;
-const PRIOR_CONTAMINATION: f64 = 0.03;
 const PRIOR_COUNT: f64 = 30.0;
-
-/// Prior scale of disturbed contours' offsets over the region's size, and its least ratio to the sigma of clean labels.
-pub(crate) const OUTLIER_SIZE_RATIO: f64 = 0.1;
-pub(super) const MIN_OUTLIER_RATIO: f64 = 4.0;
-
-/// Largest rate of wrong labels: that of a coin.
-const MAX_RATE: f64 = 0.5;
 
 /// Probability of a label that carries no information.
 pub const UNINFORMATIVE: f64 = 0.5;
+
+/// Probability that the label of a sample is wrong, of a region that belongs to the pose: by far too many.
+const MISLABELED: f64 = 0.1;
+
+/// Whether a share of wrong labels is likelier of a region elsewhere than of one that belongs to the pose.
+pub fn contradicts(wrong: f64) -> bool {
+    let (label, right) = (UNINFORMATIVE / MISLABELED, UNINFORMATIVE / (1.0 - MISLABELED));
+    wrong * label.ln() + (1.0 - wrong) * right.ln() > 0.0
+}
 
 /// Noise of the labels of a region's samples.
 ///
@@ -53,9 +47,9 @@ impl LabelModel {
     /// The model before any label is used.
     pub(super) fn prior() -> Self {
         Self {
-            sigma: MAX_SIGMA,
-            outlier_sigma: MIN_OUTLIER_RATIO * MAX_SIGMA,
-            contamination: PRIOR_CONTAMINATION,
+            sigma: LARGEST,
+            outlier_sigma: LEAST_RATIO * LARGEST,
+            contamination: PRIOR_SHARE,
             mislabeling: PRIOR_MISLABELING,
         }
     }
@@ -63,10 +57,10 @@ impl LabelModel {
     /// The model with the rates that maximize their expected log posterior (M step of expectation-maximization).
     pub(super) fn maximized(&self, stats: &LabelStats) -> Self {
         let rate =
-            |sum: f64, count: f64, prior: f64| ((sum + PRIOR_COUNT * prior) / (count + PRIOR_COUNT)).min(MAX_RATE);
+            |sum: f64, count: f64, prior: f64| ((sum + PRIOR_COUNT * prior) / (count + PRIOR_COUNT)).min(UNINFORMATIVE);
         Self {
             mislabeling: rate(stats.mislabeled, stats.count, PRIOR_MISLABELING),
-            contamination: rate(stats.disturbed, stats.near_count, PRIOR_CONTAMINATION),
+            contamination: rate(stats.disturbed, stats.near_count, PRIOR_SHARE),
             ..*self
         }
     }
@@ -220,7 +214,7 @@ pub struct NoiseLevels {
 impl NoiseLevels {
     /// Sigma of corners: label noise beyond the finest does not average out along a segment.
     pub fn corner_sigma(&self) -> f64 {
-        (self.label.powi(2) - FINEST_SIGMA.powi(2)).sqrt().max(self.corner)
+        (self.label.powi(2) - CALIBRATION.powi(2)).sqrt().max(self.corner)
     }
 
     /// Whether other levels mean the same model.
@@ -261,12 +255,12 @@ pub(super) fn residual_sigma(regions: &[SampledRegion], pose: &Pose, stride: usi
             count += 1.0;
         }
     }
-    (squares / f64::max(count, 1.0)).sqrt().clamp(COARSE_SIGMA, MAX_SIGMA)
+    (squares / f64::max(count, 1.0)).sqrt().clamp(COARSE, LARGEST)
 }
 
 /// Log likelihood of the labels of every `stride`-th sample at a pose, independent, with this sigma.
 pub fn log_likelihood(regions: &[SampledRegion], pose: &Pose, sigma: f64, stride: usize, budget: &Budget) -> f64 {
-    let model = LabelModel { sigma, outlier_sigma: MIN_OUTLIER_RATIO * sigma, ..LabelModel::prior() };
+    let model = LabelModel { sigma, outlier_sigma: LEAST_RATIO * sigma, ..LabelModel::prior() };
     projected(regions, pose, stride, budget).map(|sample| model.posterior_at(&sample).log_probability).sum()
 }
 

@@ -3,7 +3,6 @@
 
 use nalgebra::Matrix6;
 
-use super::active_set::CLEARLY_WRONG_SIGMAS;
 use super::label_inference::PoseState;
 use super::label_model::{LabelModel, NoiseLevels};
 use super::margin::{EdgeKind, ProjectedSample, SampledRegion};
@@ -12,7 +11,7 @@ use crate::budget::Budget;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::math::autocorrelation::sigmas;
 use crate::math::gaussian::{Gaussian, Normal};
-use crate::math::normal::cumulative;
+use crate::math::normal::{OUTLIER_SIGMAS, cumulative};
 
 /// Deviance up to which another pose fits as well by its samples: odds of 9 to 1, a convention. Beyond, poses are compared by their
 /// probabilities alone.
@@ -125,7 +124,7 @@ pub(super) fn wrong_fractions(
                 ProjectedSample::Behind { is_correct: false } => (f64::NEG_INFINITY, 1.0),
                 _ => continue,
             };
-            let is_wrong = margin < -CLEARLY_WRONG_SIGMAS * sigma;
+            let is_wrong = margin < -OUTLIER_SIGMAS * sigma;
             wrong += f64::from(u8::from(is_wrong));
             near += f64::from(u8::from(is_wrong || margin < model.outlier_sigma));
         }

@@ -8,12 +8,8 @@ use nalgebra::Vector2;
 use crate::contour::pieces::edges;
 use crate::geometry::edge_field::EdgeField;
 use crate::geometry::rings::signed_area;
-
-/// Length of a segment that is not straight, over the square root of the ring's area: half of how far disturbed parts are off.
-const SEGMENT_LENGTH: f64 = 0.05;
-
-/// Largest distance of a straight segment's vertices from its line, pixels: the steps of a binary mask.
-const STRAIGHT_TOLERANCE: f64 = 1.0;
+use crate::noise::boundary::MEDIUM;
+use crate::noise::contamination::SIZE_RATIO;
 
 /// Signed distance field of oriented rings, outer ones counter-clockwise.
 #[derive(Debug)]
@@ -65,8 +61,7 @@ impl SignedDistanceField {
         let marks_of = |ring: usize| marks.get(ring).map_or(&[][..], Vec::as_slice);
         let edges: Vec<Edge> =
             rings.iter().enumerate().flat_map(|(index, ring)| ring_edges(ring, marks_of(index))).collect();
-        let starts: Vec<Vec<bool>> =
-            rings.iter().map(|ring| segment_starts(ring, STRAIGHT_TOLERANCE / pixels)).collect();
+        let starts: Vec<Vec<bool>> = rings.iter().map(|ring| segment_starts(ring, MEDIUM / pixels)).collect();
         let counts = starts.iter().map(|starts| starts.iter().filter(|starts| **starts).count());
         let rings_of = counts.scan(0, |last, count| Some(std::mem::replace(last, *last + count)..*last));
         let rings_of: Vec<Range<usize>> = rings_of.collect();
@@ -124,7 +119,7 @@ impl Edge {
 
 /// Whether each edge of a ring starts a segment: a straight part of the least length, or what follows on as much as that.
 fn segment_starts(ring: &[Vector2<f64>], tolerance: f64) -> Vec<bool> {
-    let least = SEGMENT_LENGTH * signed_area(ring).abs().sqrt();
+    let least = 0.5 * SIZE_RATIO * signed_area(ring).abs().sqrt();
     let corners = corners(ring, tolerance);
     let lengths: Vec<f64> = edges(ring).map(|(a, b)| (b - a).norm()).collect();
     let mut starts = vec![false; ring.len()];

@@ -5,26 +5,24 @@ use std::iter;
 use super::acceptance::is_found;
 use super::decision::decides;
 use super::further::further_poses;
-use super::moments::{CANDIDATE, MOST_CANDIDATES, SAME_CANDIDATE, SingleRegionCache, single_region_poses};
-use super::poses::apart;
-use super::ranking::{COARSE_AMBIGUITY, MOST_REFINED, deduplicated, likeliest, likely, nearest, within_ambiguity};
+use super::moments::{CANDIDATE, MOST_CANDIDATES, SingleRegionCache, single_region_poses};
+use super::poses::{SAME, apart};
+use super::ranking::{MOST_REFINED, deduplicated, likeliest, likely, nearest, within_ambiguity};
 use super::screen::CandidateScreen;
 use super::symmetry::turned_poses;
 use crate::budget::Budget;
-use crate::contour::fit::{AMBIGUITY, ContourFit, refined, refined_again};
+use crate::contour::fit::{ContourFit, refined, refined_again};
 use crate::contour::readings::Contour;
 use crate::equations::least_squares::{Minimum, minimize};
 use crate::equations::residual::RegionEquations;
 use crate::equations::system::Weighting;
 use crate::geometry::pose::Pose;
+use crate::math::odds::{DECISIVE_DEVIANCE, UNREFINED};
 use crate::prior::Prior;
 use crate::problem::Problem;
 
 /// Ratio of the numbers of pieces of successive refinements: a convention.
 const MORE_PIECES: usize = 5;
-
-/// Poses nearer than this, rad and share of the distance, are one fit on the contours: both converged to it.
-pub const SAME_PLACE: f64 = 1e-3;
 
 /// Poses about the problem's origin.
 #[derive(Debug, Clone)]
@@ -53,10 +51,12 @@ pub(super) fn whitened_minima(problem: &Problem, poses: Vec<Pose>, prior: &Prior
     let solved = |pose: Pose| minimize(problem.regions(), &pose, Weighting::Whitened, CANDIDATE, budget);
     let minima: Vec<Minimum> = poses.into_iter().map(solved).collect();
     let least = minima.iter().map(|minimum| minimum.cost).fold(f64::INFINITY, f64::min);
-    let limit = COARSE_AMBIGUITY * (least + (AMBIGUITY + problem.max_penalty(prior)) * problem.noise_variance(least));
+    let limit = UNREFINED
+        * UNREFINED
+        * (least + (DECISIVE_DEVIANCE + problem.max_penalty(prior)) * problem.noise_variance(least));
     let fitting = minima.into_iter().filter(|minimum| minimum.cost <= limit);
     let fits = fitting.filter_map(|minimum| ContourFit::at(problem.contours(), &minimum.pose, few, budget));
-    let fits = within_ambiguity(problem, deduplicated(fits.collect(), usize::MAX, SAME_CANDIDATE), prior);
+    let fits = within_ambiguity(problem, deduplicated(fits.collect(), usize::MAX, SAME), prior);
     fits.into_iter().map(|fit| fit.pose).collect()
 }
 
@@ -112,7 +112,7 @@ fn places(
         let turned = refined_all(turned_poses(problem, &best.pose, few, budget));
         all.extend(refined_finely(problem, turned, few, prior, budget));
     }
-    within_ambiguity(problem, deduplicated(all, usize::MAX, SAME_PLACE), prior)
+    within_ambiguity(problem, deduplicated(all, usize::MAX, SAME), prior)
 }
 
 /// The fits refined from every `step`-th piece to all, those that could be as likely as the best.
@@ -128,14 +128,14 @@ fn refined_finely(
         step = (step / MORE_PIECES).max(1);
         fits = likely.iter().flat_map(|fit| refined_on(problem.contours(), fit, step, budget)).collect();
     }
-    deduplicated(fits, usize::MAX, SAME_PLACE)
+    deduplicated(fits, usize::MAX, SAME)
 }
 
 /// A fit refined on more pieces from a wide scale and, where that moves away and some of several regions may be outliers, once more
 /// from its own scatter.
 fn refined_on(contours: &[Contour], fit: &ContourFit, step: usize, budget: &Budget) -> Vec<ContourFit> {
     let from_wide = refined(contours, &fit.pose, step, budget);
-    let has_moved = from_wide.as_ref().is_none_or(|next| apart(&next.pose, &fit.pose, SAME_CANDIDATE));
+    let has_moved = from_wide.as_ref().is_none_or(|next| apart(&next.pose, &fit.pose, SAME));
     let from_own = if has_moved && contours.len() > 1 { refined_again(contours, fit, step, budget) } else { None };
     from_wide.into_iter().chain(from_own).collect()
 }

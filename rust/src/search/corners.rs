@@ -7,13 +7,11 @@ use crate::budget::Budget;
 use crate::geometry::pose::Pose;
 use crate::geometry::rings::PlaneRings;
 use crate::geometry::simplified::simplified;
+use crate::noise::boundary::DRAWN;
 use crate::region::WorldRegion;
 use crate::region::derived::CORNER_TOLERANCE;
 use crate::search::p3p::three_point_poses;
 use crate::view::chart::Chart;
-
-/// Distance of an observed outline from the line between two of its corners at least, pixels.
-const TOLERANCE_PIXELS: f64 = 1.5;
 
 /// Corners between the three of a triple are all passed over alike: none, one or two.
 const STRIDES: [usize; 3] = [1, 2, 3];
@@ -136,7 +134,7 @@ fn posed(
 }
 
 fn observed_corners(outline: &PlaneRings, pixel: f64, budget: &Budget) -> Vec<Vec<Corner<Vector2<f64>>>> {
-    let tolerance = (CORNER_TOLERANCE * outline.area().sqrt()).max(TOLERANCE_PIXELS * pixel);
+    let tolerance = (CORNER_TOLERANCE * outline.area().sqrt()).max(DRAWN * pixel);
     outline.rings().iter().map(|ring| turning(simplified(ring, tolerance, budget), |p| *p)).collect()
 }
 

@@ -1,12 +1,13 @@
 //! Model choice between the fit on the contours and the minimum of the moments, the better one of contours that are disturbed all over
 //! (`docs/math.md`, eq. 11.15).
 
-use super::acceptance::{DECISIVE, is_mostly_clean};
+use super::acceptance::is_mostly_clean;
 use crate::budget::Budget;
 use crate::contour::covariance::covariance;
 use crate::contour::fit::ContourFit;
 use crate::contour::readings::Contour;
 use crate::geometry::pose::{PARAMETERS, Pose};
+use crate::math::odds::DECISIVE;
 use crate::prior::{MAX_PENALTY, mahalanobis};
 
 /// Whether every `step`-th piece prefers a fit on the contours decisively to a minimum of the moments; `own` is the minimum reached from

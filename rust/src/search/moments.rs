@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::closed_form::{closed_form, conjugate, facing};
 use super::corners::triangle_poses;
-use super::poses::{distinct, sorted};
+use super::poses::{SAME, distinct, sorted};
 use crate::budget::Budget;
 use crate::equations::least_squares::{TerminationCriteria, minimize};
 use crate::equations::residual::{self, RegionEquations};
@@ -38,10 +38,6 @@ const STARTS_OF_CUT: usize = 48;
 /// Candidates whose equations are solved, and turns of a plane, at most: those of an eightfold symmetry, from before and from
 /// behind, twice.
 pub const MOST_CANDIDATES: usize = 32;
-
-/// Poses nearer than this are one candidate: radians, and a share of the distance to the regions. A convention, a
-/// hundred times the tolerance of [`CANDIDATE`].
-pub const SAME_CANDIDATE: f64 = 0.01;
 
 /// Which starts of a region are followed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -195,7 +191,7 @@ fn solved_jointly(problem: &Problem, start: &Pose, budget: &Budget) -> (f64, Pos
 
 /// Distinct poses by their cost, best first, as many as are refined further.
 fn narrowed(costs: Vec<(f64, Pose)>) -> Vec<(f64, Pose)> {
-    pruned_by_cost(distinct(costs, MOST_CANDIDATES, SAME_CANDIDATE, |pose| pose))
+    pruned_by_cost(distinct(costs, MOST_CANDIDATES, SAME, |pose| pose))
 }
 
 /// The poses by their cost, best first, without those that are far from the best.

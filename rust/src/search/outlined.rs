@@ -3,10 +3,11 @@
 use std::f64::consts::TAU;
 
 use crate::budget::Budget;
-use crate::contour::fit::{ContourFit, FINEST_SCALE};
+use crate::contour::fit::ContourFit;
 use crate::contour::readings::Contour;
 use crate::geometry::pose::Pose;
 use crate::math::gaussian::Gaussian;
+use crate::noise::boundary::FINE;
 
 /// The Gaussian factor of contours without samples at a pose, by their independent pieces (`docs/math.md`, eq. 11.5).
 pub(super) fn outlines(contours: &[Contour], pose: &Pose, budget: &Budget) -> Gaussian {
@@ -26,7 +27,7 @@ pub(super) fn outlines_beside_samples(contours: &[Contour], pose: &Pose, step: u
         return Gaussian::default();
     }
     // Out of view an outline is as far off as a region is large.
-    let size = contours.iter().map(Contour::size).fold(FINEST_SCALE, f64::max);
+    let size = contours.iter().map(Contour::size).fold(FINE, f64::max);
     let count = contours.len() as f64;
     let unseen = Gaussian { offset: -0.5 * count * (1.0 + (TAU * size * size).ln()), ..Gaussian::default() };
     let one_piece = |fit: ContourFit| Some(fit.gaussian(contours, budget)? * (count / fit.independent().max(1.0)));

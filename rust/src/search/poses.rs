@@ -2,6 +2,10 @@
 
 use crate::geometry::pose::Pose;
 
+/// Poses nearer than this, rad and share of the distance, are one before their covariance is known: a hundred times the tolerance of
+/// candidates, far below the radius of convergence.
+pub const SAME: f64 = 0.01;
+
 /// Whether two poses of the centered world differ by more than `limit`: radians, or that share of the distance.
 pub fn apart(a: &Pose, b: &Pose, limit: f64) -> bool {
     a.angle_to(b) > limit || (a.translation - b.translation).norm() > limit * a.translation.norm()

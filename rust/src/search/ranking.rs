@@ -2,21 +2,18 @@
 
 use std::iter;
 
-use super::moments::SAME_CANDIDATE;
-use super::poses::{distinct, sorted};
+use super::poses::{SAME, distinct, sorted};
 use crate::budget::Budget;
-use crate::contour::fit::{AMBIGUITY, ContourFit, FixedMixture};
+use crate::contour::fit::{ContourFit, FixedMixture};
 use crate::contour::readings::Contour;
-use crate::geometry::pose::Pose;
+use crate::geometry::pose::{PARAMETERS, Pose};
+use crate::math::odds::{DECISIVE, DECISIVE_DEVIANCE, UNREFINED};
 use crate::prior::{MAX_PENALTY, Prior};
 use crate::problem::Problem;
 
-/// A candidate stays while it is worse by less than so many times what would count as fitting: a convention.
-pub(super) const COARSE_AMBIGUITY: f64 = 4.0;
-
-/// Log likelihood of a piece, in the mean, by which a pose of several regions is behind the best that no refinement makes up:
-/// over 120 pieces, odds of e to the 120.
-pub(super) const MAX_DEFICIT: f64 = 1.0;
+/// Log likelihood of a piece, in the mean, by which a pose of several regions is behind the best that no refinement makes up: what
+/// decides, over twice as many independent pieces as a pose has parameters.
+pub(super) const MAX_DEFICIT: f64 = DECISIVE / (2 * PARAMETERS) as f64;
 
 /// Poses of one kind that are refined on the contours at most, those that are likeliest: a convention.
 pub(super) const MOST_REFINED: usize = 16;
@@ -37,7 +34,7 @@ pub(super) fn deduplicated(fits: Vec<ContourFit>, most: usize, limit: f64) -> Ve
 
 /// The fits, sorted, that could be as likely as the first once they are solved.
 pub(super) fn within_ambiguity(problem: &Problem, fits: Vec<ContourFit>, prior: &Prior) -> Vec<ContourFit> {
-    let limit = COARSE_AMBIGUITY * (AMBIGUITY + problem.max_penalty(prior));
+    let limit = UNREFINED * UNREFINED * (DECISIVE_DEVIANCE + problem.max_penalty(prior));
     let mut fits = fits.into_iter();
     let Some(best) = fits.next() else { return Vec::new() };
     // By all pieces: with the degrees of freedom of the noise alone, more candidates follow, and of 120 problems with two of three
@@ -48,7 +45,7 @@ pub(super) fn within_ambiguity(problem: &Problem, fits: Vec<ContourFit>, prior: 
 
 /// The fits that could be as likely as the best, each once.
 pub(super) fn likely(problem: &Problem, fits: Vec<ContourFit>, prior: &Prior) -> Vec<ContourFit> {
-    within_ambiguity(problem, deduplicated(fits, MOST_REFINED, SAME_CANDIDATE), prior)
+    within_ambiguity(problem, deduplicated(fits, MOST_REFINED, SAME), prior)
 }
 
 /// The likeliest poses on every `step`-th piece, without any being moved.
@@ -74,5 +71,5 @@ pub(super) fn likeliest(
 pub(super) fn nearest(contours: &[Contour], poses: Vec<Pose>, step: usize, most: usize, budget: &Budget) -> Vec<Pose> {
     let fixed = FixedMixture::new(contours, step, budget);
     let scored = poses.into_iter().map(|pose| (fixed.negative_log_density(&pose), pose)).collect();
-    distinct(scored, most, SAME_CANDIDATE, |pose| pose).into_iter().map(|(_, pose)| pose).collect()
+    distinct(scored, most, SAME, |pose| pose).into_iter().map(|(_, pose)| pose).collect()
 }

@@ -2,22 +2,25 @@
 
 use nalgebra::{Matrix6, Rotation3, Vector2, Vector3};
 
-use super::acceptance::LOOSE_SIGMA;
 use super::further::further_poses;
 use super::moments::{SingleRegionCache, single_region_poses};
 use super::outlined::{outlines, outlines_beside_samples};
-use super::poses::{apart, distinct};
+use super::poses::{SAME, apart, distinct};
 use super::symmetry::turned_about;
 use crate::budget::Budget;
-use crate::contour::fit::AMBIGUITY;
 use crate::contour::readings::Contour;
+use crate::equations::step_bounds::CONVERGENCE_RADIUS;
 use crate::geometry::pose::{PARAMETERS, Pose};
 use crate::math::gaussian::Gaussian;
+use crate::math::normal::OUTLIER_SIGMAS;
+use crate::math::odds::{DECISIVE, DECISIVE_DEVIANCE, ONE_VARIANCE, UNREFINED};
+use crate::noise::boundary::{COARSE, DRAWN, ROUGH};
+use crate::noise::contamination::SIZE_RATIO;
 use crate::prior::Prior;
 use crate::problem::Problem;
 use crate::region::WorldRegion;
 use crate::samples::anneal::{CoarseFit, VisitedStates, anneal, fit_coarse};
-use crate::samples::label_model::{COARSE_SIGMA, OUTLIER_SIZE_RATIO, log_likelihood, subsample_stride};
+use crate::samples::label_model::{contradicts, log_likelihood, subsample_stride};
 use crate::samples::margin::SampledRegion;
 use crate::samples::posterior::Posterior;
 use crate::samples::signed_distance::SignedDistanceField;
@@ -25,30 +28,10 @@ use crate::samples::signed_distance::SignedDistanceField;
 /// Starts that are refined.
 const MOST_STARTS: usize = 24;
 
-/// Error of a start, rad and share of the distance, from which it mostly still converges to the answer: starts nearer to one another
-/// than this are one. A convention: starts off by 0.07 to 0.3 rad converge about as often (`python -m benchmarks lidar --only
-/// lidar_beams=16 --only scan=samples`).
-const CONVERGENCE_RADIUS: f64 = 0.2;
-
-/// Poses nearer than this, rad and share of the distance, have converged to one mode.
-const SAME_PLACE: f64 = 0.02;
-
-/// Squared distance of two answers, in variances of both together, up to which they are one: three standard deviations.
-const SAME_ANSWER: f64 = 9.0;
-
-/// The same of modes of one answer: one standard deviation, within which a mixture of both is no wider than either.
-const SAME_MODE: f64 = 1.0;
-
-/// Blur, pixels, with which starts are compared: as far as rough ones are off.
-const ROUGH: f64 = 32.0;
-
-/// Share of wrong labels of every region up to which a pose counts as found: no more than is expected.
-const FOUND: f64 = 0.2;
-
 /// Log odds, by the subsample, by which a refined start is behind the best that all samples do not make up. A start that is not refined
 /// yet, or not to the end with all samples, makes up as much again: without that, half turns that fit about as well in
 /// the end were lost on the way (`python -m benchmarks trust --seed 182 --scenes 1 --only model=combined`, and `--seed 109`, `lidar`).
-const MAX_DEFICIT: f64 = 25.0;
+const MAX_DEFICIT: f64 = UNREFINED * DECISIVE;
 
 /// Points along an outline at which samples beside it are searched: a convention.
 const OUTLINE_POINTS: usize = 128;
@@ -58,7 +41,7 @@ impl Problem {
     /// likeliest first. Poses are about the problem's origin.
     pub(crate) fn posteriors(&self, starts: &[Pose], prior: &Prior, budget: &Budget) -> Vec<Posterior> {
         let mut found = self.posteriors_with(starts, prior, budget);
-        let agrees = |posterior: &Posterior| is_found(posterior) && self.penalty(posterior, prior) < AMBIGUITY;
+        let agrees = |posterior: &Posterior| is_found(posterior) && self.penalty(posterior, prior) < DECISIVE_DEVIANCE;
         if prior.max_penalty() > 0.0 && !found.first().is_some_and(agrees) {
             // A prior that samples contradict may be wrong: poses without it bear its bounded penalty.
             let without = self.posteriors_with(starts, &Prior::default(), budget);
@@ -95,11 +78,10 @@ impl Problem {
         // A symmetric shape fits from several places, of which the starts may have missed one, and sparse samples hold some on
         // the way to theirs.
         while let Some((log_evidence, best)) = likeliest_of(&found).filter(|(log_evidence, best)| {
-            last_refined
-                .is_none_or(|(last_evidence, last)| *log_evidence > last_evidence && apart(&last, best, SAME_PLACE))
+            last_refined.is_none_or(|(last_evidence, last)| *log_evidence > last_evidence && apart(&last, best, SAME))
         }) {
             let (regions, step) = (self.sampled(), subsample_stride(self.sampled()));
-            let cost = |pose: &Pose| -log_likelihood(regions, pose, COARSE_SIGMA, step, budget);
+            let cost = |pose: &Pose| -log_likelihood(regions, pose, COARSE, step, budget);
             let turned = turned_about(self, &best, cost, MAX_DEFICIT);
             let starts: Vec<Pose> = turned.into_iter().chain(beside(&best)).collect();
             found.extend(self.posteriors_near(&starts, &found, &factor_at, &mut visited, budget));
@@ -122,21 +104,21 @@ impl Problem {
         let scored = starts.iter().map(|pose| (cost(pose), *pose)).collect();
         let starts = distinct(scored, MOST_STARTS, CONVERGENCE_RADIUS, |pose| pose);
         let least = starts.first().map_or(0.0, |(cost, _)| *cost);
-        let starts = starts.into_iter().take_while(|(cost, _)| *cost - least <= 2.0 * MAX_DEFICIT);
+        let starts = starts.into_iter().take_while(|(cost, _)| *cost - least <= UNREFINED * MAX_DEFICIT);
         let leading = starts.take_while(|_| !budget.is_exhausted());
-        let is_new = |fit: &CoarseFit| found.iter().all(|other| apart(&other.pose, &fit.pose, SAME_PLACE));
+        let is_new = |fit: &CoarseFit| found.iter().all(|other| apart(&other.pose, &fit.pose, SAME));
         let all: Vec<CoarseFit> =
             leading.filter_map(|(_, start)| fit_coarse(regions, factor_at, &start, budget)).filter(is_new).collect();
-        let is_same = |a: &CoarseFit, b: &CoarseFit| !apart(&a.pose, &b.pose, SAME_PLACE);
+        let is_same = |a: &CoarseFit, b: &CoarseFit| !apart(&a.pose, &b.pose, SAME);
         let is_behind = |best: &CoarseFit, other: &CoarseFit| best.log_evidence - other.log_evidence > MAX_DEFICIT;
         let likely = likeliest(all, is_behind, |fit| fit.log_evidence, is_same);
-        anneal(regions, factor_at, &likely, 2.0 * MAX_DEFICIT, visited, budget)
+        anneal(regions, factor_at, &likely, UNREFINED * MAX_DEFICIT, visited, budget)
     }
 
     /// Each answer once, the likeliest first, as the mixture of its modes: where samples contradict a pose, it depends on the start which
     /// of them count as wrong and which segments as disturbed.
     fn answers(&self, modes: &[Posterior]) -> Vec<Posterior> {
-        let is_same = |a: &Posterior, b: &Posterior| a.squared_sigmas_to(b) < SAME_ANSWER;
+        let is_same = |a: &Posterior, b: &Posterior| a.squared_sigmas_to(b) < OUTLIER_SIGMAS * OUTLIER_SIGMAS;
         let over_modes = |answer: Posterior| {
             // Poses beyond each other's basins have no mean.
             let is_own =
@@ -153,7 +135,7 @@ impl Problem {
     pub(super) fn has_samples_on_all_edges(&self) -> bool {
         let is_edged = |world: &WorldRegion| {
             let Some(samples) = world.samples() else { return false };
-            let (outline, near) = (world.outline(), OUTLIER_SIZE_RATIO * world.outline().area().sqrt());
+            let (outline, near) = (world.outline(), SIZE_RATIO * world.outline().area().sqrt());
             let edges = SignedDistanceField::new(outline.rings(), &[], near.recip());
             let places = samples.inside().iter().chain(samples.outside()).chain(samples.enclosed());
             places.filter(|place| edges.at(place).distance.abs() < near).take(PARAMETERS).count() == PARAMETERS
@@ -201,7 +183,7 @@ impl Problem {
 /// nothing stands behind a region, so that beams that passed it have no returns. A line has no outline.
 fn is_one_sided(world: &WorldRegion) -> bool {
     let Some(samples) = world.samples().filter(|_| !world.is_line()) else { return false };
-    let (outline, near) = (world.outline(), OUTLIER_SIZE_RATIO * world.outline().area().sqrt());
+    let (outline, near) = (world.outline(), SIZE_RATIO * world.outline().area().sqrt());
     let places = points_along(outline.rings(), OUTLINE_POINTS);
     let beside = |side: &[Vector2<f64>]| -> Vec<bool> {
         places.iter().map(|place| side.iter().any(|sample| (sample - place).norm_squared() < near * near)).collect()
@@ -261,10 +243,10 @@ fn likeliest<T>(
 
 /// Each mode once, the likeliest first.
 fn modes(found: Vec<Posterior>) -> Vec<Posterior> {
-    likeliest(found, |_, _| false, Posterior::log_evidence, |a, b| a.squared_sigmas_to(b) < SAME_MODE)
+    likeliest(found, |_, _| false, Posterior::log_evidence, |a, b| a.squared_sigmas_to(b) < ONE_VARIANCE)
 }
 
 /// Whether the samples of every region agree with a pose.
 fn is_found(posterior: &Posterior) -> bool {
-    posterior.noise.label < LOOSE_SIGMA && posterior.wrong_fractions.iter().all(|&wrong| wrong < FOUND)
+    posterior.noise.label < DRAWN && posterior.wrong_fractions.iter().all(|&wrong| !contradicts(wrong))
 }

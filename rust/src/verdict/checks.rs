@@ -7,11 +7,11 @@ use super::warning::{RelativePose, Warning};
 use super::weakness::weak_geometry;
 use crate::contour::members::contradicted;
 use crate::equations::least_squares::Termination;
+use crate::noise::boundary::DRAWN;
 use crate::options::Options;
 use crate::prior::{InitialDeviation, PlaceDeviation, Prior, UpDeviation};
 use crate::problem::Problem;
 use crate::samples::margin::SampledRegion;
-use crate::search::acceptance::LOOSE_SIGMA;
 
 /// Overlap error of a region of which a pose shows nothing: no trust bears more.
 const NOT_SHOWN: f64 = 1.0;
@@ -33,7 +33,7 @@ pub(super) fn warnings(
         warnings.push(Warning::Ambiguous { others });
     }
     // Samples that leave a contour blurred do not agree on a place.
-    let blurred = best.posterior.as_ref().is_some_and(|posterior| posterior.noise.label >= LOOSE_SIGMA);
+    let blurred = best.posterior.as_ref().is_some_and(|posterior| posterior.noise.label >= DRAWN);
     let trusted = evidence.probability() > TRUSTED && !blurred;
     let sampled: Vec<usize> = problem.sampled().iter().map(SampledRegion::index).collect();
     warnings.extend(region_warnings(best, alternatives, &sampled, trusted));

@@ -20,8 +20,8 @@ use crate::options::Options;
 use crate::problem::Problem;
 use crate::samples::posterior::Posterior;
 use crate::search::Search;
-use crate::search::candidates::{Candidates, SAME_PLACE};
-use crate::search::poses::distinct;
+use crate::search::candidates::Candidates;
+use crate::search::poses::{SAME, distinct};
 
 /// The pose of a camera, with its covariance, alternatives, confidence and warnings.
 #[derive(Debug, Clone)]
@@ -104,7 +104,7 @@ impl Search {
         let problem = &*problem;
         let hypotheses = stated(likely(problem, hypotheses, &self.options.prior, budget), &self.options.prior);
         let (best, _) = hypotheses.first().ok_or(Error::NoPose)?;
-        let evidence = best.evidence(problem, hypotheses.len() > 1, budget);
+        let evidence = best.evidence(problem, budget);
         let noise = match (&best.posterior, &best.minimum) {
             (Some(posterior), _) => posterior.noise.label,
             (None, Some(minimum)) => problem.noise_variance(minimum.cost).sqrt(),
@@ -196,7 +196,7 @@ impl Search {
         };
         let refined = refined.iter().map(|fit| Hypothesis::new(problem.uncentered(&fit.pose), None, fit.clone()));
         let scored = minima.chain(refined).map(|hypothesis| (hypothesis.cost(), hypothesis)).collect();
-        distinct(scored, usize::MAX, SAME_PLACE, |hypothesis| &hypothesis.fit.pose)
+        distinct(scored, usize::MAX, SAME, |hypothesis| &hypothesis.fit.pose)
             .into_iter()
             .map(|(_, hypothesis)| hypothesis)
             .collect()

@@ -2,26 +2,26 @@
 
 use nalgebra::{Matrix6, Vector3, Vector6};
 
+use super::nearness::RIGHT;
 use crate::equations::information::validated_covariance;
 use crate::geometry::pose::{PARAMETERS, Tangent};
 use crate::math::gaussian::Gaussian;
+use crate::math::normal::STUDENT_FREEDOM;
 use crate::options::FrameSigma;
 
 /// Error of each region of a scan beside that of the whole, relative to the latter: 0.73 px, the scatter within frames of the offsets of
 /// `FrameSigma::default`.
 const OF_REGION: f64 = 0.6;
 
-/// Degrees of freedom of Student's prior of the factor by which regions are off farther than that: the fewest with a variance, which
-/// is then twice the squared scale.
-const FREEDOM: f64 = 4.0;
-const VARIANCE: f64 = FREEDOM / (FREEDOM - 2.0);
+/// Variance of Student's prior of the factor by which regions are off farther than that, over its squared scale.
+const VARIANCE: f64 = STUDENT_FREEDOM / (STUDENT_FREEDOM - 2.0);
 
 /// Logarithms of that factor, over which is summed: from a tenth to a hundred and fifty times, in steps of a third.
 const LOG_FACTORS: std::ops::Range<i32> = -7..16;
 const LOG_STEP: f64 = 1.0 / 3.0;
 
 /// Rotation, rad, from which on two poses are different hypotheses, as of the confidence: the bound of a region's mean.
-const ANOTHER_PLACE: f64 = 5.0 * std::f64::consts::PI / 180.0;
+const ANOTHER_PLACE: f64 = RIGHT * std::f64::consts::PI / 180.0;
 
 /// Share of the covariance's information that is added for directions that a prior alone constrains: a convention, by which the shift by
 /// focal lengths is then too short.
@@ -148,7 +148,7 @@ fn mean_square_factor(regions: &[Region]) -> f64 {
 
 /// Logarithm of the density of a factor's logarithm: half of Student's distribution.
 fn log_prior(factor: f64) -> f64 {
-    factor.ln() - 0.5 * (FREEDOM + 1.0) * (factor * factor / FREEDOM).ln_1p()
+    factor.ln() - 0.5 * (STUDENT_FREEDOM + 1.0) * (factor * factor / STUDENT_FREEDOM).ln_1p()
 }
 
 /// Logarithm of the evidence of regions that are so many times as far off, over all increments.

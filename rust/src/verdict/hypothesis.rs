@@ -99,8 +99,8 @@ impl Hypothesis {
         }
     }
 
-    /// Features of the fit for the confidence; `ambiguous` where others fit as well.
-    pub(super) fn evidence(&self, problem: &Problem, ambiguous: bool, budget: &Budget) -> Evidence {
+    /// What the fit shows for the confidence.
+    pub(super) fn evidence(&self, problem: &Problem, budget: &Budget) -> Evidence {
         let (covariance, overlaps) = (self.covariance(problem, budget), self.overlaps(problem, budget));
         match &self.posterior {
             Some(posterior) => {
@@ -110,7 +110,7 @@ impl Hypothesis {
             }
             None => {
                 let errors: Vec<f64> = overlaps.iter().map(OverlapAreas::error).collect();
-                Evidence::from_outlines(&self.fit, covariance, &errors, self.minimum.is_some(), ambiguous)
+                Evidence::from_outlines(&self.fit, covariance, &errors)
             }
         }
     }

@@ -37,7 +37,7 @@ pub(super) fn rotation_sigmas(covariance: &Matrix6<f64>) -> [f64; 3] {
 }
 
 /// The deviation within the bounds.
-pub(super) fn bounded(sigma: f64) -> f64 {
+fn bounded(sigma: f64) -> f64 {
     let (least, most) = ROTATION;
     // The comparison's order makes a NaN the largest deviation.
     sigma.min(most).max(least)

@@ -2,18 +2,9 @@
 
 use super::solution::{POOR_OVERLAP, Solution};
 use crate::contour::members::log_odds;
-use crate::samples::label_model::UNINFORMATIVE;
+use crate::noise::boundary::DRAWN;
+use crate::samples::label_model::contradicts;
 use crate::samples::posterior::Posterior;
-use crate::search::acceptance::LOOSE_SIGMA;
-
-/// Probability that the label of a sample is wrong, of a region that belongs to the pose: by far too many.
-const MISLABELED: f64 = 0.1;
-
-/// Whether a share of wrong labels is likelier of a region elsewhere than of one that belongs to the pose.
-pub fn contradicts(wrong: f64) -> bool {
-    let (label, right) = (UNINFORMATIVE / MISLABELED, UNINFORMATIVE / (1.0 - MISLABELED));
-    wrong * label.ln() + (1.0 - wrong) * right.ln() > 0.0
-}
 
 /// A region that does not belong to a pose: the share of it that lies where the pose puts it, and the least of the others', percent.
 pub(super) struct Outlier {
@@ -33,7 +24,7 @@ pub(super) fn outliers(solution: &Solution, sampled: &[usize]) -> Vec<Outlier> {
 fn contour_outliers(solution: &Solution, sampled: &[usize]) -> Vec<Outlier> {
     let (odds, shares) = (log_odds(&solution.fit), solution.fit.clean_shares());
     // A pose by the moments is a compromise of all regions.
-    if solution.minimum.is_some() || solution.fit.mixture.sigma >= LOOSE_SIGMA {
+    if solution.minimum.is_some() || solution.fit.mixture.sigma >= DRAWN {
         return Vec::new();
     }
     // One region alone may lie on its projection by chance, two hardly; of two regions one has to do.

@@ -4,18 +4,13 @@ use super::hypothesis::Hypothesis;
 use super::mode_probability::{mode_probabilities, probability_near};
 use crate::budget::Budget;
 use crate::contour::degrees_of_freedom::residual_dof;
-use crate::contour::fit::AMBIGUITY;
 use crate::contour::region_preference::RegionPreference;
 use crate::geometry::pose::Pose;
+use crate::math::odds::{DECISIVE_DEVIANCE, ONE_VARIANCE};
 use crate::prior::{MAX_PENALTY, Prior};
 use crate::problem::Problem;
 use crate::samples::posterior::EQUIVALENT_DEVIANCE;
-use crate::search::candidates::SAME_PLACE;
-use crate::search::poses::sorted;
-
-/// Poses within this many variances of the best are equally good, as turns of symmetric shapes are: what differs is where the contours'
-/// pieces lie (`cargo test symmetry::`).
-const TIE: f64 = 0.6;
+use crate::search::poses::{SAME, sorted};
 
 /// The hypotheses that fit about as well as the best with the prior's penalty, best first, each with its penalty (`docs/math.md`,
 /// eq. 10.6).
@@ -37,13 +32,13 @@ pub(super) fn likely(
         let weighed = hypothesis.posterior.is_none() && prior.max_penalty() > 0.0;
         let penalty = || prior.penalty(&hypothesis.pose, hypothesis.covariance(problem, budget));
         let unlikely = if weighed { penalty() } else { 0.0 };
-        (if worse.abs() <= TIE { 0.0 } else { worse }) + unlikely + behind
+        (if worse.abs() <= ONE_VARIANCE { 0.0 } else { worse }) + unlikely + behind
     };
     let mut hypotheses = by_deviance(
         hypotheses.into_iter().map(|hypothesis| Hypothesis { deviance: deviance(&hypothesis), ..hypothesis }).collect(),
     );
     let least = hypotheses.first().map_or(0.0, |best| best.deviance);
-    hypotheses.retain(|hypothesis| hypothesis.deviance <= least + AMBIGUITY);
+    hypotheses.retain(|hypothesis| hypothesis.deviance <= least + DECISIVE_DEVIANCE);
     // Sorting is stable: ties of the prior are in order of the fit, and ties of that in order of the rotation.
     if let Some(best) = hypotheses.first().cloned() {
         let ties = |hypothesis: &Hypothesis| {
@@ -97,5 +92,5 @@ fn chooses(prior: &Prior) -> bool {
 /// Sort key of poses that fit equally: the rotation vector, in steps that round-off rarely crosses.
 fn order(pose: &Pose) -> [i64; 3] {
     let turn = pose.rotation.scaled_axis();
-    [turn.x, turn.y, turn.z].map(|component| (component / SAME_PLACE).round() as i64)
+    [turn.x, turn.y, turn.z].map(|component| (component / SAME).round() as i64)
 }

@@ -9,11 +9,9 @@ use crate::error::{Error, Result};
 use crate::geometry::clipping::{Clipped, Window, holds};
 use crate::geometry::edge_boxes::EdgeBoxes;
 use crate::geometry::rings::{PlaneRings, ring_edges, signed_area};
+use crate::noise::boundary::FINE;
 use crate::view::bearing_rings::Bearing;
 use crate::view::chart::Chart;
-
-/// An edge of the observed outline within this distance of the border, in pixels, lies on it.
-const ON_BORDER: f64 = 0.25;
 
 /// Share of an outline that the image has to show: less holds no pose.
 const LEAST_SEEN: f64 = 0.05;
@@ -162,7 +160,7 @@ pub fn foreign_edges(
 /// Whether each edge of an outline lies along one of the lines, ring by ring.
 fn edges_along(lines: &[Vec<Vector2<f64>>], outline: &PlaneRings, pixel: f64, budget: &Budget) -> Vec<Vec<bool>> {
     let ends = lines.iter().flat_map(|line| line.windows(2)).map(|ends| [ends[0], ends[1]]);
-    let (edges, within) = (EdgeBoxes::new(ends.collect()), ON_BORDER * pixel);
+    let (edges, within) = (EdgeBoxes::new(ends.collect()), FINE * pixel);
     let near = |p: &Vector2<f64>| {
         let found = Cell::new(false);
         edges.for_each_near(

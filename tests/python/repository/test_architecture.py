@@ -18,7 +18,7 @@ DOCUMENT = ROOT / "docs" / "architecture.md"
 Uses = dict[str, set[str]]
 
 CRATE_LAYERS: tuple[tuple[str, ...], ...] = (
-    ("math",),
+    ("math", "noise"),
     ("budget", "error"),
     ("batch", "geometry", "moments"),
     ("mesh", "prior", "region"),
