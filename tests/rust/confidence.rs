@@ -77,12 +77,11 @@ fn answers_near_one_another_or_of_the_same_votes_have_what_one_would_have() {
     }
 }
 
-/// The odds of two regions are the product of what each has.
 #[test]
-fn another_region_squares_the_odds_and_a_third_adds_nothing() {
+fn the_odds_of_regions_multiply() {
     let odds = |regions: usize| Evidence { regions, ..GOOD }.log_odds();
-    let one = -((GOOD.mismatch + 0.03) * GOOD.noise).ln();
-    for (regions, needed) in [(0, one), (1, one), (2, 2.0 * one), (3, 2.0 * one)] {
+    let one = -((GOOD.mismatch + 0.003) * GOOD.noise).ln();
+    for (regions, needed) in [(0, one), (1, one), (2, 2.0 * one), (3, 3.0 * one)] {
         assert!((odds(regions) - needed).abs() < 1e-12, "{regions}: {}", odds(regions));
     }
 }

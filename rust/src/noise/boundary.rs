@@ -17,19 +17,17 @@ pub const HALF_LEVEL: f64 = 2.0;
 /// (`python -m benchmarks lidar --only scan=samples`, `python -m benchmarks.speed --rows samples`).
 pub const LEVEL_RATIO: f64 = HALF_LEVEL * HALF_LEVEL;
 
-/// Noise levels, pixels: [`CALIBRATION`] and its multiples by powers of [`LEVEL_RATIO`].
-///
-/// The finest that pieces of contours can have, since steps of a mask average out over a few pixels.
+/// The noise level above [`CALIBRATION`], pixels: the finest that pieces of contours have, over which the steps of a mask average out.
 pub const FINE: f64 = CALIBRATION * LEVEL_RATIO;
 
-/// The scatter below which a contour has no other noise than pixels and calibration.
+/// The level above: a contour that scatters by less has no other noise than that of pixels and calibrations.
 pub const MEDIUM: f64 = FINE * LEVEL_RATIO;
 
-/// As far as the boundary is off at poses that are not refined.
+/// The level above: as far as a boundary is off at coarse poses by samples.
 pub const COARSE: f64 = MEDIUM * LEVEL_RATIO;
 
-/// As far as it is off at rough starts.
+/// The level above: as far as it is off at rough starts.
 pub const ROUGH: f64 = COARSE * LEVEL_RATIO;
 
-/// The largest.
+/// The largest level.
 pub const LARGEST: f64 = ROUGH * LEVEL_RATIO;

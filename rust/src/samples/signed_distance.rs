@@ -61,6 +61,7 @@ impl SignedDistanceField {
         let marks_of = |ring: usize| marks.get(ring).map_or(&[][..], Vec::as_slice);
         let edges: Vec<Edge> =
             rings.iter().enumerate().flat_map(|(index, ring)| ring_edges(ring, marks_of(index))).collect();
+        // The steps of a mask do not end a straight segment.
         let starts: Vec<Vec<bool>> = rings.iter().map(|ring| segment_starts(ring, MEDIUM / pixels)).collect();
         let counts = starts.iter().map(|starts| starts.iter().filter(|starts| **starts).count());
         let rings_of = counts.scan(0, |last, count| Some(std::mem::replace(last, *last + count)..*last));
@@ -119,6 +120,7 @@ impl Edge {
 
 /// Whether each edge of a ring starts a segment: a straight part of the least length, or what follows on as much as that.
 fn segment_starts(ring: &[Vector2<f64>], tolerance: f64) -> Vec<bool> {
+    // Half of how far disturbed parts are off.
     let least = 0.5 * SIZE_RATIO * signed_area(ring).abs().sqrt();
     let corners = corners(ring, tolerance);
     let lengths: Vec<f64> = edges(ring).map(|(a, b)| (b - a).norm()).collect();

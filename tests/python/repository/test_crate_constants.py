@@ -1,4 +1,4 @@
-"""The crate's constants are known by kind, and those of the model are few and explained (`docs/math.md`, section 21)."""
+"""The crate's constants are known by kind; those of the model are few, and explained in `docs/math.md`, section 21."""
 
 from __future__ import annotations
 
