@@ -5,12 +5,11 @@ use nalgebra::Matrix6;
 use super::nearness::{rotation_sigmas, within_limit};
 use crate::contour::fit::ContourFit;
 use crate::contour::members::log_odds;
+use crate::noise::boundary::DRAWN;
+use crate::noise::contamination::PRIOR_SHARE;
 use crate::samples::label_model::contradicts;
 use crate::samples::margin::SampledRegion;
 use crate::samples::posterior::Posterior;
-
-/// Mismatch of right poses: less shows nothing more. Anything from 0.001 to 0.03 states as much (`python -m benchmarks.confidence`).
-const LEAST_MISMATCH: f64 = 0.003;
 
 /// What a pose's fit shows of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,7 +70,7 @@ impl Evidence {
 
     /// Log odds that the pose is the right mode, and not one that fits so closely by chance (`docs/math.md`, eq. 15.3).
     pub fn log_odds(&self) -> f64 {
-        -(self.regions.max(1) as f64) * self.seen * ((self.mismatch + LEAST_MISMATCH) * self.noise).ln()
+        -(self.regions.max(1) as f64) * self.seen * ((self.mismatch + PRIOR_SHARE) * self.noise / DRAWN).ln()
     }
 
     /// Probability that the pose, or one that fits alike, is within 5 degrees of the true one: that of the right mode, times that of so
