@@ -154,7 +154,7 @@ fn checked(estimate: &Estimate) -> Result<(), String> {
         needed((0.0..=1.0).contains(&confidence), || format!("{name}: confidence {confidence}"))?;
     }
     finite("boundary noise", estimate.boundary_noise)?;
-    estimate.evidence.features().into_iter().try_for_each(|feature| finite("feature", feature))?;
+    finite("log odds", estimate.evidence.log_odds())?;
     estimate.creases.iter().flat_map(|(_, ends)| ends).flatten().try_for_each(|x| finite("crease", *x))?;
     for warning in &estimate.warnings {
         let text = format!("{warning:?}");

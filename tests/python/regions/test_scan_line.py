@@ -175,11 +175,15 @@ def test_the_lines_of_many_frames_give_a_pose() -> None:
         lines = [(image, moved(world, RIG.inverse() @ own)) for image, world in pairs if world.is_line]
         images, worlds = zip(*lines, strict=True)
         frames.append(rp.Frame(images, worlds))
-    together = rp.estimate_rig(problem.camera, frames, solver=rp.Solver(max_rotation_sigma_deg=2.0))
+    together = rp.estimate_rig(
+        problem.camera, frames, solver=rp.Solver(max_rotation_sigma_deg=2.0, max_translation_sigma_percent=4.0)
+    )
     way = together.pose.local_coordinates(RIG)
     assert way @ np.linalg.solve(together.covariance, way) < 16.8
     assert np.linalg.norm(way[:3]) < np.radians(1.0)
-    assert not together.warnings
+    # What six lines leave open of their regions confirms nothing.
+    assert {warning.code for warning in together.warnings} <= {rp.WarningCode.LOW_CONFIDENCE}
+    assert together.confidence > 0.8
     assert np.isnan([frame.residual_px for frame in rig_of(together).frames]).all()
     with pytest.raises(ValueError, match="refine_camera found regions sampled along one scan line"):
         rp.estimate_rig(problem.camera, frames, refine_camera=("focal",))
