@@ -70,7 +70,8 @@ impl Evidence {
 
     /// Log odds that the pose is the right mode, and not one that fits so closely by chance (`docs/math.md`, eq. 15.3).
     pub fn log_odds(&self) -> f64 {
-        -(self.regions.max(1) as f64) * self.seen * ((self.mismatch + PRIOR_SHARE) * self.noise / DRAWN).ln()
+        let mismatch = (self.mismatch + PRIOR_SHARE) / (1.0 - self.mismatch).max(PRIOR_SHARE);
+        -(self.regions.max(1) as f64) * self.seen * (mismatch * self.noise / DRAWN).ln()
     }
 
     /// Probability that the pose, or one that fits alike, is within 5 degrees of the true one: that of the right mode, times that of so
