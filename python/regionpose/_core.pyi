@@ -470,8 +470,8 @@ class Estimate:
 
     @property
     def evidence(self) -> NDArray[np.float64]:
-        """What they are computed from, (4,): regions that belong to the pose, the share seen, the share of it that
-        contradicts the pose, and the noise of the contours, pixels (docs/math.md, eq. 15.3).
+        """What they are computed from, (3,): regions that belong to the pose, the share of them that contradicts it,
+        and the noise of the contours, pixels (docs/math.md, eq. 15.3).
         """
 
     @property

@@ -15,18 +15,15 @@ use regionpose::{Pose, Problem, Solution};
 /// Regions that are marked and solved.
 const SCENES: usize = 900;
 
-const GOOD: Evidence =
-    Evidence { rotation_sigmas: [0.004, 0.006, 0.01], regions: 3, seen: 1.0, mismatch: 0.01, noise: 0.25 };
+const GOOD: Evidence = Evidence { rotation_sigmas: [0.004, 0.006, 0.01], regions: 3, mismatch: 0.01, noise: 0.25 };
 
-const BAD: Evidence = Evidence { rotation_sigmas: [1.0, 8.0, 2.0], regions: 1, seen: 1.0, mismatch: 0.4, noise: 10.0 };
+const BAD: Evidence = Evidence { rotation_sigmas: [1.0, 8.0, 2.0], regions: 1, mismatch: 0.4, noise: 10.0 };
 
 /// A few clean pieces of another shape.
-const UNLIKE: Evidence =
-    Evidence { rotation_sigmas: [0.3, 0.1, 0.1], regions: 1, seen: 1.0, mismatch: 0.9, noise: 0.25 };
+const UNLIKE: Evidence = Evidence { rotation_sigmas: [0.3, 0.1, 0.1], regions: 1, mismatch: 0.9, noise: 0.25 };
 
-/// Most of a region is not seen.
-const HALF_SEEN: Evidence =
-    Evidence { rotation_sigmas: [3.0, 1.0, 0.5], regions: 1, seen: 0.4, mismatch: 0.02, noise: 0.8 };
+/// Three fifths of a region are not seen.
+const HALF_SEEN: Evidence = Evidence { rotation_sigmas: [3.0, 1.0, 0.5], regions: 1, mismatch: 0.31, noise: 0.8 };
 
 #[test]
 fn good_evidence_is_trusted_and_bad_is_not() {
@@ -94,28 +91,19 @@ proptest! {
         prop_assert!(wider.probability() <= evidence.probability());
     }
 
-    /// Mismatch and noise make it less; what is not seen, less certain either way.
     #[test]
     fn it_falls_with_what_speaks_against_the_pose(evidence in evidence(), more in 0.0..0.5_f64) {
-        let Evidence { seen, mismatch, noise, .. } = evidence;
+        let Evidence { mismatch, noise, .. } = evidence;
         let worse = [Evidence { mismatch: mismatch + more, ..evidence }, Evidence { noise: noise + more, ..evidence }];
         prop_assert!(worse.iter().all(|worse| worse.probability() <= evidence.probability()));
-        let less_seen = Evidence { seen: seen * (1.0 - more), ..evidence };
-        prop_assert!(less_seen.log_odds().abs() <= evidence.log_odds().abs());
     }
 }
 
 /// What a fit may show.
 fn evidence() -> impl Strategy<Value = Evidence> {
     let sigma = || 1e-4..50.0_f64;
-    let all = ([sigma(), sigma(), sigma()], 0..9_usize, 0.0..1.0_f64, 0.0..1.0_f64, 0.25..20.0_f64);
-    all.prop_map(|(rotation_sigmas, regions, seen, mismatch, noise)| Evidence {
-        rotation_sigmas,
-        regions,
-        seen,
-        mismatch,
-        noise,
-    })
+    let all = ([sigma(), sigma(), sigma()], 0..9_usize, 0.0..1.0_f64, 0.25..20.0_f64);
+    all.prop_map(|(rotation_sigmas, regions, mismatch, noise)| Evidence { rotation_sigmas, regions, mismatch, noise })
 }
 
 /// Four marked corners leave a pose two degrees of freedom, so that residuals hardly choose between two poses.

@@ -251,12 +251,12 @@ impl Estimate {
         self.0.evidence.log_odds()
     }
 
-    /// What the confidence is made of, (4,): regions that belong to the pose, the share seen, the share that contradicts it and the
-    /// contours' noise, pixels (`docs/math.md`, eq. 15.3).
+    /// What the confidence is made of, (3,): regions that belong to the pose, the share of them that contradicts it and the contours'
+    /// noise, pixels (`docs/math.md`, eq. 15.3).
     #[getter]
     fn evidence<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        let regionpose::Evidence { regions, seen, mismatch, noise, .. } = self.0.evidence;
-        PyArray1::from_slice(py, &[regions as f64, seen, mismatch, noise])
+        let regionpose::Evidence { regions, mismatch, noise, .. } = self.0.evidence;
+        PyArray1::from_slice(py, &[regions as f64, mismatch, noise])
     }
 
     #[getter]

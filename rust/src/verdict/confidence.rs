@@ -19,11 +19,9 @@ pub struct Evidence {
     pub rotation_sigmas: [f64; 3],
     /// Number of regions that belong to the pose.
     pub regions: usize,
-    /// Share of the observed regions that is compared: of samples, what their outlines do not leave open. What the scanner did not see
-    /// confirms no pose.
-    pub seen: f64,
-    /// Share of that which contradicts the pose: the largest overlap error of the regions that belong to it, 1 at most, since pieces of a
-    /// contour may lie on that of another shape and areas do not; of samples, the share of those near a contour that lie on its wrong side.
+    /// Share of the observed regions that contradicts the pose: the largest overlap error of the regions that belong to it, 1 at most, since
+    /// pieces of a contour may lie on that of another shape and areas do not. Of samples, the share of those near a contour that lie on its
+    /// wrong side, and half of what the scanner did not see: there, labels at any pose would be as often wrong as right.
     pub mismatch: f64,
     /// Noise of the contours: the scatter of their clean pieces or, of samples, the sigma of their dilation, pixels.
     pub noise: f64,
@@ -38,7 +36,6 @@ impl Evidence {
         Self {
             rotation_sigmas: rotation_sigmas(covariance),
             regions: count(&belong),
-            seen: 1.0,
             mismatch: own.reduce(f64::max).map_or(1.0, |largest| largest.min(1.0)),
             noise: fit.mixture.sigma,
         }
@@ -58,12 +55,12 @@ impl Evidence {
         for (region, &wrong) in sampled.iter().zip(&posterior.wrong_fractions) {
             belong[region.index()] = !contradicts(wrong);
         }
-        let mean = |shares: &[f64]| shares.iter().sum::<f64>() / sampled.len() as f64;
+        let contradicting = |(&wrong, &unseen): (&f64, &f64)| (1.0 - unseen) * wrong + 0.5 * unseen;
+        let sum: f64 = posterior.wrong_fractions.iter().zip(unseen).map(contradicting).sum();
         Self {
             rotation_sigmas: rotation_sigmas(covariance),
             regions: count(&belong),
-            seen: 1.0 - mean(unseen),
-            mismatch: mean(&posterior.wrong_fractions),
+            mismatch: sum / sampled.len() as f64,
             noise: posterior.noise.dilation,
         }
     }
@@ -71,7 +68,7 @@ impl Evidence {
     /// Log odds that the pose is the right mode, and not one that fits so closely by chance (`docs/math.md`, eq. 15.3).
     pub fn log_odds(&self) -> f64 {
         let mismatch = (self.mismatch + PRIOR_SHARE) / (1.0 - self.mismatch).max(PRIOR_SHARE);
-        -(self.regions.max(1) as f64) * self.seen * (mismatch * self.noise / DRAWN).ln()
+        -(self.regions.max(1) as f64) * (mismatch * self.noise / DRAWN).ln()
     }
 
     /// Probability that the pose, or one that fits alike, is within 5 degrees of the true one: that of the right mode, times that of so
