@@ -29,7 +29,7 @@ const HALF_SEEN: Evidence = Evidence { rotation_sigmas: [3.0, 1.0, 0.5], regions
 fn good_evidence_is_trusted_and_bad_is_not() {
     assert!(GOOD.probability() > 0.99, "{}", GOOD.probability());
     assert!(BAD.probability() < 0.5, "{}", BAD.probability());
-    assert!(UNLIKE.probability() < 0.5, "{}", UNLIKE.probability());
+    assert!(UNLIKE.probability() < 0.7, "{}", UNLIKE.probability());
     assert!(HALF_SEEN.probability() < 0.8, "{}", HALF_SEEN.probability());
 }
 
@@ -77,7 +77,7 @@ fn answers_near_one_another_or_of_the_same_votes_have_what_one_would_have() {
 #[test]
 fn the_odds_of_regions_multiply() {
     let odds = |regions: usize| Evidence { regions, ..GOOD }.log_odds();
-    let one = -((GOOD.mismatch + 0.03) / (1.0 - GOOD.mismatch) * GOOD.noise / 2.0).ln();
+    let one = -((GOOD.mismatch + 0.03) / (1.0 - GOOD.mismatch.powi(2)) * GOOD.noise / 2.0).ln();
     for (regions, needed) in [(0, one), (1, one), (2, 2.0 * one), (3, 3.0 * one)] {
         assert!((odds(regions) - needed).abs() < 1e-12, "{regions}: {}", odds(regions));
     }

@@ -67,7 +67,7 @@ impl Evidence {
 
     /// Log odds that the pose is the right mode, and not one that fits so closely by chance (`docs/math.md`, eq. 15.3).
     pub fn log_odds(&self) -> f64 {
-        let mismatch = (self.mismatch + PRIOR_SHARE) / (1.0 - self.mismatch).max(PRIOR_SHARE);
+        let mismatch = (self.mismatch + PRIOR_SHARE) / (1.0 - self.mismatch.powi(2)).max(PRIOR_SHARE);
         -(self.regions.max(1) as f64) * (mismatch * self.noise / DRAWN).ln()
     }
 
