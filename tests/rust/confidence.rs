@@ -13,7 +13,7 @@ use regionpose::internals::verdict::mode_probability::{mode_probabilities, proba
 use regionpose::{Pose, Problem, Solution};
 
 /// Regions that are marked and solved.
-const SCENES: usize = 900;
+const SCENES: usize = 450;
 
 const GOOD: Evidence = Evidence { rotation_sigmas: [0.004, 0.006, 0.01], regions: 3, mismatch: 0.01, noise: 0.25 };
 

@@ -161,7 +161,7 @@ fn scanned(random: &mut Random, world: &WorldRegion, up: &Vector3<f64>, below: f
 #[test]
 fn the_corner_of_a_house_holds_a_scan_of_its_lower_half() {
     let (mut ratios, mut errors) = (Vec::new(), Vec::new());
-    for seed in 0..12 {
+    for seed in 0..5 {
         let mut random = Random::new(110 + seed);
         let scene = scene(&mut random);
         let edge = problem(&scene.observed, &scene.worlds).creases(&Budget::unlimited())[0].direction;
@@ -190,5 +190,5 @@ fn the_corner_of_a_house_holds_a_scan_of_its_lower_half() {
     }
     ratios.sort_by(f64::total_cmp);
     errors.sort_by(f64::total_cmp);
-    assert!(ratios[6] < 1.0 && errors[6] < 0.01, "{ratios:?} {errors:?}");
+    assert!(ratios[2] < 1.0 && errors[2] < 0.01, "{ratios:?} {errors:?}");
 }

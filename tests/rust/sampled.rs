@@ -221,13 +221,13 @@ fn binomial_bounds_are_those_of_tables() {
 /// A hand sets the corners of quadrilaterals, with a sigma of 2 px.
 #[test]
 fn the_ellipsoid_covers_poses_from_corners_that_a_hand_set() {
-    assert_covers(60, &[[-0.75, -0.5], [0.6, -0.7], [0.8, 0.35], [-0.5, 0.65]], 0.07, 2.0);
+    assert_covers(30, &[[-0.75, -0.5], [0.6, -0.7], [0.8, 0.35], [-0.5, 0.65]], 0.07, 2.0);
 }
 
 /// Rows and columns of samples along the sides of rectangles: with a label sigma of 0.25 px at least, 6 of 20 are covered.
 #[test]
 fn the_ellipsoid_covers_poses_from_rows_along_sides() {
-    assert_covers(40, &[[-0.8, -0.6], [0.8, -0.6], [0.8, 0.6], [-0.8, 0.6]], 0.02, 0.0);
+    assert_covers(20, &[[-0.8, -0.6], [0.8, -0.6], [0.8, 0.6], [-0.8, 0.6]], 0.02, 0.0);
 }
 
 /// Rows and columns of samples along the sides of rectangles, in places that differ by rounding alone: about one pose.
@@ -293,7 +293,7 @@ fn the_uncertainty_falls_with_the_number_of_samples() {
 #[test]
 fn most_turns_of_a_bitten_hexagon_are_answers() {
     let mut found = 0;
-    for seed in 0..8 {
+    for seed in 0..4 {
         let mut random = Random::new(seed);
         let mut scene = Scene::of_shapes(&mut random, vec![vec![regular(6, 1.0)]], layout(1));
         scene.observed = all_bitten(&scene, 1.0);
@@ -311,14 +311,14 @@ fn most_turns_of_a_bitten_hexagon_are_answers() {
         found += (1..6).filter(is_answer).count();
         assert_eq!(estimate.warnings[0].code(), "ambiguous-pose", "seed {seed}");
     }
-    assert!(found >= 32, "{found} of 40 turns");
+    assert!(found >= 16, "{found} of 20 turns");
 }
 
 /// Chance leaves another answer to 3 of the 80 such shapes of seeds 0 to 79.
 #[test]
 fn a_bitten_shape_without_symmetry_mostly_has_one_answer() {
     let mut ambiguous = Vec::new();
-    for seed in 0..16 {
+    for seed in 0..8 {
         let mut random = Random::new(seed);
         let shape = star(&mut random, 9, 1.0);
         let mut scene = Scene::of_shapes(&mut random, vec![vec![shape]], layout(1));
@@ -329,7 +329,7 @@ fn a_bitten_shape_without_symmetry_mostly_has_one_answer() {
         assert!(rotation < 0.1, "seed {seed}: {rotation} rad");
         ambiguous.extend((!estimate.alternatives.is_empty()).then_some(seed));
     }
-    assert!(ambiguous.len() <= 2, "seeds {ambiguous:?}");
+    assert!(ambiguous.len() <= 1, "seeds {ambiguous:?}");
 }
 
 #[test]
@@ -393,7 +393,7 @@ fn a_prior_that_samples_contradict_is_left_out_and_warned_of() {
 #[test]
 fn places_on_one_line_need_no_plane() {
     let (mut with, mut without) = (Vec::new(), Vec::new());
-    for seed in 0..8 {
+    for seed in 0..5 {
         let mut random = Random::new(600 + seed);
         let scene = Scene::random(&mut random, layout(2));
         let mut worlds = sampled(&mut random, &scene.worlds, 0.1, 1.0);
@@ -425,7 +425,7 @@ fn places_on_one_line_need_no_plane() {
     }
     with.sort_by(f64::total_cmp);
     without.sort_by(f64::total_cmp);
-    assert!(with[4] < 0.7 * without[4], "{with:.4?} {without:.4?}");
+    assert!(with[2] < 0.7 * without[2], "{with:.4?} {without:.4?}");
 }
 
 #[test]

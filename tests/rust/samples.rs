@@ -162,7 +162,7 @@ fn differences_of(found: &Normal<2>, exact: &Normal<2>) -> (f64, f64) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(12))]
+    #![proptest_config(ProptestConfig::with_cases(6))]
 
     /// Of labels from wide sigmas to nearly steps, with seeds at the cavity and beside the tilted moments. No label is mislabeled: of the tail
     /// that one such leaves, a percent may be missed.

@@ -25,6 +25,9 @@ const DILATED: i32 = 3;
 const CORNERS: i32 = 56;
 const CORNER: f64 = 1.5;
 
+/// Draws of the increment.
+const DRAWS: usize = 2_000;
+
 /// Offsets with the shares that a density gives them.
 fn grid(density: impl Fn(f64) -> f64, spacing: f64, count: i32) -> Vec<(i32, f64)> {
     (-count..=count).map(|k| (k, spacing * density(spacing * f64::from(k)))).collect()
@@ -84,7 +87,7 @@ fn agree_with_sampling(dilation_sigma: f64, dilated: [f64; 2], off: [f64; 5]) {
     let dilations: Vec<_> = dilations.into_iter().filter(|(_, weight)| *weight > 1e-5).collect();
     let corners: Vec<_> = corners();
     let (mut all, mut first, mut second) = (0.0, Vector6::zeros(), Matrix6::zeros());
-    for _ in 0..5_000 {
+    for _ in 0..DRAWS {
         let x = Vector6::from_fn(|_, _| random.normal());
         let table = |labels: &[EndLabel]| -> EndTable {
             let label = |d: f64, (gradient, side, margin): &EndLabel| {
@@ -135,7 +138,7 @@ fn agree_with_sampling(dilation_sigma: f64, dilated: [f64; 2], off: [f64; 5]) {
         first += x * weight;
         second += x * x.transpose() * weight;
     }
-    let (mean, exact) = (first / all, (all / 5_000.0_f64).ln());
+    let (mean, exact) = (first / all, (all / DRAWS as f64).ln());
     let covariance = second / all - mean * mean.transpose();
     let Normal { mean: found_mean, covariance: found_covariance } = found.increment;
     assert!((found_mean - mean).norm() < 0.15, "{found_mean} against {mean}");
