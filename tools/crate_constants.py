@@ -22,7 +22,7 @@ KINDS = {
     "layout": "how work is grouped and charged: costs time, changes no answer",
     "numerics": "ends of iterations and orders of rules: changes answers by less than their stated tolerance",
     "limit": "what is refused, or read as nothing",
-    "effort": "how much is searched: more finds no less within a budget as much larger, and takes longer (docs/math.md, section 21)",
+    "effort": "how much is searched: more finds no less, if the work budget grows as much (docs/math.md, section 21)",
     "model": "a number that answers depend on",
 }
 
