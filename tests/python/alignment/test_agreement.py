@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
 Array = NDArray[np.float64]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_photo_and_cloud_agree_at_the_pose_alone(seed: int) -> None:
     photo, points = cards(seed)
     right = rp.check_alignment(CAMERA, rp.Frame(image=photo, points=points), POSE)

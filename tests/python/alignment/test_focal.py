@@ -41,7 +41,7 @@ def judged(factor: float, seed: int, photo: int | None = None, frames: int = 1) 
     return rp.calibrate(camera, held)
 
 
-@pytest.mark.parametrize(("seed", "factor"), [(0, 0.85), (1, 0.85), (1, 0.9), (0, 1.15), (1, 1.2)])
+@pytest.mark.parametrize(("seed", "factor"), [(0, 0.85), (1, 0.9), (1, 1.2)])
 def test_wrong_focal_lengths_are_named_with_the_right_ones(factor: float, seed: int) -> None:
     found = judged(factor, seed)
     focal = focal_of(found)

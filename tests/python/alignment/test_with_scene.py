@@ -17,8 +17,16 @@ from regionpose.io.yaml_text import to_yaml
 from regionpose.scene.headline import headline
 from regionpose.solve.options import EXACT_EXPOSURE
 from scipy.spatial.transform import Rotation
+from small_searches import try_fewer_focal_lengths
 
 pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(autouse=True)
+def few_focal_lengths(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Try a shorter and a longer one."""
+    try_fewer_focal_lengths(monkeypatch)
+
 
 Array = NDArray[np.float64]
 

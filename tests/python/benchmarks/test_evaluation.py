@@ -129,7 +129,7 @@ def test_unknown_templates_are_named_in_the_error() -> None:
 
 
 @given(SEEDS)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_mask_holds_exactly_the_pixel_centers_inside(seed: int) -> None:
     rings = ring_with_hole(seed)
     x, y = np.meshgrid(np.arange(40.0), np.arange(30.0))
@@ -139,7 +139,7 @@ def test_mask_holds_exactly_the_pixel_centers_inside(seed: int) -> None:
 
 @given(SEEDS)
 @example(602)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_masks_of_two_sides_of_a_cut_tile_the_whole(seed: int) -> None:
     """Corners on pixel centers make ties along every edge: no pixel may be lost or counted twice."""
     corners = np.random.default_rng(seed).integers(0, 20, (4, 2)).astype(float)
@@ -157,7 +157,7 @@ def test_mask_counts_a_center_on_the_left_and_upper_side_only() -> None:
 
 
 @given(SEEDS)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_coverage_is_the_area_inside_each_pixel(seed: int) -> None:
     rings = ring_with_hole(seed)
     x, y = np.meshgrid(np.arange(40.0), np.arange(30.0))

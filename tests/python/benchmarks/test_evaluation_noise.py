@@ -44,7 +44,7 @@ def tilted_region(seed: int) -> list[Array]:
 
 @pytest.mark.slow
 @given(SEEDS, SHARES)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_squares_change_the_share_of_a_mask_beside_its_boundary(seed: int, share: float) -> None:
     mask = small_mask(seed)
     before, area = mask.copy(), int(mask.sum())
@@ -107,7 +107,7 @@ def test_squares_too_small_for_the_share_are_refused() -> None:
 @given(SEEDS, SHARES)
 @example(6237511, 1.0 / 3.0)  # Touching squares leave a line.
 @example(12831, 0.2980993251968411)  # Their union without a grid lacks a part.
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_squares_and_occlusion_change_the_share_of_a_region_in_its_plane(seed: int, share: float) -> None:
     region = tilted_region(seed)
     frame = planar.PlaneFrame.of_region(region)
@@ -127,7 +127,7 @@ def test_squares_and_occlusion_change_the_share_of_a_region_in_its_plane(seed: i
 
 
 @given(SEEDS, SHARES)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_occlusion_hides_the_share_behind_a_straight_line(seed: int, share: float) -> None:
     mask = small_mask(seed)
     kept = noise.occlude_mask(mask, share, np.random.default_rng(seed))
@@ -139,7 +139,7 @@ def test_occlusion_hides_the_share_behind_a_straight_line(seed: int, share: floa
 
 
 @given(SEEDS, st.floats(0.0, 0.9))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_truncation_cuts_every_mask_at_one_border(seed: int, share: float) -> None:
     mask, other = small_mask(seed), small_mask(seed + 1)
     truncated, window = noise.truncate_masks([mask, other], share, np.random.default_rng(seed))

@@ -208,7 +208,7 @@ def test_ctrl_c_leaves_a_clean_terminal_with_its_cursor(tmp_path: Path) -> None:
 
 
 def test_a_study_shows_its_rate_and_leaves_nothing(tmp_path: Path) -> None:
-    words = ("--scenes", "15", "--planes", "3", "--noise", "0", "--no-plots", "-j", "1", "--out", tmp_path / "rows.csv")
+    words = ("--scenes", "6", "--planes", "3", "--noise", "0", "--no-plots", "-j", "1", "--out", tmp_path / "rows.csv")
     seen = at_terminal("perspective", *words, program=STUDY)
     assert seen.code == 0 and "written:" in seen.output
     assert any(re.search(r"perspective .*\d+/\d+ +[\d.]+(/s| s each)", line) for line in seen.lines)

@@ -75,7 +75,7 @@ def test_regions_out_of_view_and_behind_the_camera_are_left_out(turn: float) -> 
     assert picture.shape == GRAY.shape and (picture != GRAY).any()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     st.floats(-180.0, 180.0),
     st.floats(-90.0, 90.0),
