@@ -26,7 +26,7 @@ const CORNERS: i32 = 56;
 const CORNER: f64 = 1.5;
 
 /// Draws of the increment.
-const DRAWS: usize = 2_000;
+const DRAWS: usize = 4_000;
 
 /// Offsets with the shares that a density gives them.
 fn grid(density: impl Fn(f64) -> f64, spacing: f64, count: i32) -> Vec<(i32, f64)> {
