@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import regionpose as rp
 import shapely
 from numpy.typing import NDArray
+from regionpose import _core
+from regionpose.solve.core_inputs import observed_regions
 
 from benchmarks.synthetic.lidar import LidarScan, SpinningLidar, lidar_scan
+from benchmarks.synthetic.masks import project_region
 from benchmarks.synthetic.planar import PlaneFrame
 from benchmarks.synthetic.setups import perspective_setup
 from benchmarks.synthetic.studies.conditions import Condition, Scan
@@ -211,3 +215,24 @@ def test_batches_use_samples_too() -> None:
     assert isinstance(together, rp.PoseEstimate)
     np.testing.assert_allclose(together.pose.translation, alone.pose.translation, atol=1e-12)
     assert alone.diagnostics.termination == "posterior_mean"
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_what_a_scanner_did_not_see_counts_as_half_wrong(seed: int) -> None:
+    """The upper parts of three regions lie above the scanner's view; all labels agree with the pose."""
+    drawn = Condition(
+        planes=3, templates="asymmetric", lidar_beams=64, range_noise_m=0.01, scan="samples", cut="scanner"
+    )
+    problem = draw_problem(perspective_setup(), drawn, seed)
+    observed = observed_regions(problem.camera, problem.image_regions, "boundary")
+    worlds = [world.core for world in problem.world_regions]
+    estimate = _core.Problem(observed, worlds, system="plane", integration="boundary").estimate()
+    assert estimate is not None and estimate.outlier_fraction == 0.0
+    rotation, translation = estimate.best.rotation, estimate.best.translation
+    unseen = []
+    for image, world in zip(problem.image_regions, problem.world_regions, strict=True):
+        projected = project_region(problem.camera, rotation, translation, world.rings, 0.1)
+        whole, seen = (shapely.Polygon(rings[0], rings[1:]).buffer(0) for rings in (image.rings, projected))
+        unseen.append(whole.difference(seen).area / whole.area)
+    assert max(unseen) > 0.3
+    assert estimate.evidence[1] == pytest.approx(0.5 * np.mean(unseen), rel=0.05)
