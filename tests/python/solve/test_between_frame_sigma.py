@@ -105,12 +105,12 @@ def test_a_posterior_wider_than_its_prior_says_nothing_there() -> None:
 @pytest.mark.parametrize("times", [0.0, 1.0, 5.0])
 @pytest.mark.parametrize("count", [2, 4])
 def test_true_poses_lie_in_the_ellipsoid_however_far_frames_are_off(times: float, count: int) -> None:
-    """Of frames that are off by so many times their deviations, more than 65 of 100 true poses lie in that of 90 %: how
+    """Of frames that are off by so many times their deviations, 70 of 100 true poses or more lie in that of 90 %: how
     far two frames scatter is known to a factor. The scatter of many is found.
     """
     generator = np.random.default_rng(5)
     inside = 0
-    for _ in range(100):
+    for _ in range(300):
         covariances = [covariance_of(generator) for _ in range(count)]
         places = [
             np.linalg.cholesky(c) @ generator.normal(size=6) + times * UNITS * generator.normal(size=6)
@@ -119,7 +119,7 @@ def test_true_poses_lie_in_the_ellipsoid_however_far_frames_are_off(times: float
         found = scattered([factor_of(p, c) for p, c in zip(places, covariances, strict=True)], NOTHING)
         squared = found.increment @ np.linalg.solve(found.covariance, found.increment)
         inside += bool(squared < chi2.ppf(0.9, 6))
-    assert inside > (65 if times else 93)
+    assert inside / 300 > (0.7 if times else 0.95)
     covariances = [covariance_of(generator) for _ in range(60)]
     off = [np.linalg.cholesky(c) @ generator.normal(size=6) for c in covariances]
     places = [place + times * UNITS * generator.normal(size=6) for place in off]
