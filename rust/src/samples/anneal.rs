@@ -11,7 +11,7 @@ use super::posterior::{EQUIVALENT_DEVIANCE, ModeEvidence, Posterior, mixture_mom
 use crate::budget::Budget;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::math::gaussian::{Gaussian, Normal};
-use crate::math::odds::DECISIVE;
+use crate::math::odds::{DECISIVE, ONE_VARIANCE};
 use crate::noise::boundary::{CALIBRATION, COARSE, FINE, HALF_LEVEL, LEVEL_RATIO, MEDIUM};
 
 /// Sigmas of corners and of contours' dilations, pixels: from a hand's error, and half the width of a lidar's beam beside a region of a
@@ -91,7 +91,19 @@ pub fn anneal(
         tracks.retain_mut(|track| track.restore_best().is_some());
         advance(&mut tracks, max_deficit, visited, |track| track.neighbor_of_likeliest(ratio), budget);
     }
-    tracks.into_iter().filter_map(Track::finish).collect()
+    distinct(tracks).into_iter().filter_map(Track::finish).collect()
+}
+
+/// The likeliest track of each mode: the others would be finished to the same posterior.
+fn distinct<F: Fn(&Pose) -> Gaussian>(mut tracks: Vec<Track<F>>) -> Vec<Track<F>> {
+    tracks.sort_by(|a, b| b.best_log_evidence().total_cmp(&a.best_log_evidence()));
+    let mut kept: Vec<Track<F>> = Vec::with_capacity(tracks.len());
+    for track in tracks {
+        if !kept.iter().any(|other| other.has_same_mode(&track)) {
+            kept.push(track);
+        }
+    }
+    kept
 }
 
 /// Sigmas of labels with all samples, falling, pixels.
@@ -166,6 +178,14 @@ impl<'a, F: Fn(&Pose) -> Gaussian> Track<'a, F> {
     fn is_equivalent(&self, other: &Self) -> bool {
         let (Some(own), Some(other)) = (self.evidence(), other.evidence()) else { return false };
         own.deviance_to(&other, self.inference.samples.regions) <= EQUIVALENT_DEVIANCE
+    }
+
+    /// Whether the likeliest states of two tracks are one answer.
+    fn has_same_mode(&self, other: &Self) -> bool {
+        match (&self.best, &other.best) {
+            (Some((own, ..)), Some((other, ..))) => own.squared_sigmas_to(other) < ONE_VARIANCE,
+            _ => false,
+        }
     }
 
     /// Evidence of the likeliest state.
@@ -276,10 +296,14 @@ impl PoseState {
 
     /// Whether another one is the same up to chance.
     fn is_same(&self, other: &Self) -> bool {
+        (self.log_evidence - other.log_evidence).abs() < SAME_EVIDENCE && self.squared_sigmas_to(other) < SAME_STATE
+    }
+
+    /// Squared Mahalanobis distance to another one, by the sum of both covariances; infinite where that is singular.
+    fn squared_sigmas_to(&self, other: &Self) -> f64 {
         let increment = self.pose.local_coordinates(&other.pose);
         let root = (self.increment.covariance + other.increment.covariance).cholesky();
-        (self.log_evidence - other.log_evidence).abs() < SAME_EVIDENCE
-            && root.is_some_and(|root| increment.dot(&root.solve(&increment)) < SAME_STATE)
+        root.map_or(f64::INFINITY, |root| increment.dot(&root.solve(&increment)))
     }
 }
 
