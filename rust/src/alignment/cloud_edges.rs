@@ -203,8 +203,9 @@ impl GroupedEdges {
     /// Of edges given in the world, about an origin of it.
     pub(super) fn new(edges: &CloudEdges, origin: &Vector3<f64>) -> Self {
         let local: Vec<_> = edges.middles.iter().map(|middle| middle - origin).collect();
+        let places: Vec<_> = local.iter().map(place_of).collect();
         let mut order: Vec<usize> = (0..local.len()).collect();
-        split(&local, &mut order);
+        split(&places, &mut order);
         Self(order.chunks(GROUP).map(|held| EdgeGroup::new(&local, &edges.across, held)).collect())
     }
 
@@ -241,28 +242,30 @@ impl EdgeGroup {
     }
 }
 
-/// Puts edges in an order in which neighbors follow one another, halving them along the direction in which their bearings and the
-/// logarithms of their distances spread most, down to groups; all of these but the last are full.
-fn split(points: &[Vector3<f64>], order: &mut [usize]) {
+/// A point's bearing and the logarithm of its distance.
+fn place_of(point: &Vector3<f64>) -> [f64; 4] {
+    let distance = point.norm().max(LEAST_DISTANCE);
+    let bearing = point / distance;
+    [bearing.x, bearing.y, bearing.z, distance.ln()]
+}
+
+/// Puts edges in an order in which neighbors follow one another, halving them along the direction in which their places spread most, down
+/// to groups; all of these but the last are full.
+fn split(places: &[[f64; 4]], order: &mut [usize]) {
     if order.len() <= GROUP {
         return;
     }
-    let place = |edge: usize| {
-        let distance = points[edge].norm().max(LEAST_DISTANCE);
-        let bearing = points[edge] / distance;
-        [bearing.x, bearing.y, bearing.z, distance.ln()]
-    };
     let spread = |axis: usize| {
-        let values = order.iter().map(|edge| place(*edge)[axis]);
+        let values = order.iter().map(|edge| places[*edge][axis]);
         let (least, most) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
         most - least
     };
     let axis = (0..4).max_by(|a, b| spread(*a).total_cmp(&spread(*b))).unwrap_or(0);
     let half = (order.len() / 2).next_multiple_of(GROUP);
-    order.select_nth_unstable_by(half, |a, b| place(*a)[axis].total_cmp(&place(*b)[axis]).then(a.cmp(b)));
+    order.select_nth_unstable_by(half, |a, b| places[*a][axis].total_cmp(&places[*b][axis]).then(a.cmp(b)));
     let (low, high) = order.split_at_mut(half);
-    split(points, low);
-    split(points, high);
+    split(places, low);
+    split(places, high);
 }
 
 #[cfg(test)]
