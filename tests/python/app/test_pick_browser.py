@@ -17,6 +17,7 @@ from pick_pages import (
     DOOR,
     QUICK_DRAWS,
     SIZE,
+    WAIT_MS,
     WEBGL,
     Hand,
     SharedDemo,
@@ -42,6 +43,8 @@ pytestmark = [pytest.mark.slow, needs_chromium]
 
 MOST_CLICKS = 10
 
+RING = [(200.0, 200.0), (320.0, 200.0), (320.0, 330.0), (200.0, 330.0)]
+
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SharedDemo]:
@@ -58,12 +61,6 @@ def browser(demo: SharedDemo) -> Iterator[Any]:
 
 
 @pytest.fixture
-def server(tmp_path: Path) -> Iterator[str]:
-    """The address of a page on the demo's photo and cloud that saves to `tmp_path`, of a server of its own."""
-    yield from started(["--demo"], tmp_path)
-
-
-@pytest.fixture
 def unasked(tmp_path: Path) -> Iterator[str]:
     """The address of a page on the demo's files, of which nobody has said where the scanner stood."""
     files = demo_folder()
@@ -72,9 +69,9 @@ def unasked(tmp_path: Path) -> Iterator[str]:
 
 
 def test_a_few_clicks_give_a_trusted_pose_that_the_saved_file_gives_again(
-    server: str, browser: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    demo: SharedDemo, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    page, odd = opened(browser, server)
+    page, odd = demo.page()
     hand = Hand(page)
     hand.shot("1-empty")
     for row, (pixel, place) in enumerate((DOOR, BOARD, CHALKBOARD), start=1):
@@ -92,7 +89,7 @@ def test_a_few_clicks_give_a_trusted_pose_that_the_saved_file_gives_again(
     page.wait_for_selector("text=Saved scene.yaml")
     hand.shot("5-saved")
     shown = np.array([float(word) for word in page.locator(".rp-matrix").inner_text().split()]).reshape(3, 4)
-    matrix = estimated(tmp_path, capsys)
+    matrix = estimated(demo.place, capsys)
     np.testing.assert_allclose(matrix[:3], shown, atol=6e-6)
     assert odd == []
 
@@ -275,18 +272,121 @@ def test_a_pose_without_a_region_is_seen_over_the_photo_and_saved(
     assert odd == []
 
 
-def test_the_server_answers_nobody_else(server: str) -> None:
-    home, port = server.split("/?")[0], server.split(":")[2].split("/")[0]
-    assert httpx.get(home + "/files/photo.jpg").status_code == 403
-    assert httpx.get(server, headers={"host": f"evil.example:{port}"}).status_code == 421
-    assert httpx.get(server, headers={"origin": "https://evil.example"}).status_code == 403
-    with httpx.Client(base_url=home) as client:
-        assert client.get(server).status_code == 200
+def test_the_server_answers_nobody_else(demo: SharedDemo) -> None:
+    home, port = demo.home.rstrip("/"), demo.home.split(":")[2].rstrip("/")
+    own = {cookie["name"]: cookie["value"] for cookie in demo.context.cookies()}
+    with httpx.Client(base_url=home, cookies=own) as client:
         assert client.get("/").status_code == 200
+        assert client.get("/", headers={"host": f"evil.example:{port}"}).status_code == 421
+        assert client.get("/", headers={"origin": "https://evil.example"}).status_code == 403
         assert client.get("/files/photo.jpg").headers["content-type"] == "image/jpeg"
         assert client.get("/files/scene.yaml").status_code == 404
         assert client.get("/files/%2e%2e/%2e%2e/etc/passwd").status_code == 404
         assert client.post("/_nicegui_ws/socket.io/", content=b"x" * (2 * MOST_BYTES)).status_code == 413
         assert client.get("/files/photo.jpg").status_code == 200
     assert httpx.get(home + "/").status_code == 403
-    assert httpx.get(server).status_code == 403
+    assert httpx.get(home + "/files/photo.jpg").status_code == 403
+    # Its token leads one browser to the page.
+    assert httpx.get(demo.address).status_code == 403
+
+
+# Clicks that the page once swallowed.
+
+
+@pytest.fixture
+def hand(demo: SharedDemo) -> Iterator[Hand]:
+    """An open page of the demo's files."""
+    page, odd = demo.page()
+    yield Hand(page)
+    assert odd == []
+    page.close()
+
+
+def ring_of(hand: Hand, place: Path) -> Any:
+    return np.array(saved_region(hand, place)["image"]["polygon"])
+
+
+def test_corners_on_the_selected_polygon_are_corners(hand: Hand) -> None:
+    """The second polygon shares an edge, its vertices and the middle of it with the first one."""
+    polygon(hand, RING)
+    hand.wait_for_rows(1)
+    hand.page.keyboard.press("n")
+    polygon(hand, RING)
+    hand.wait_for_rows(2)
+    row = hand.page.locator(".rp-row").nth(1)
+    row.click()
+    hand.wait("document.querySelectorAll('.pv-vertex').length == 4")
+    polygon(hand, [(320.0, 200.0), (320.0, 265.0), (320.0, 330.0), (420.0, 330.0), (420.0, 200.0)])
+    hand.wait_for_rows(3)
+    hand.shot("20-beside")
+    hand.wait("document.querySelectorAll('.pv-vertex').length == 5")
+
+
+def test_a_click_on_a_handle_alone_adds_no_vertex(hand: Hand) -> None:
+    polygon(hand, RING)
+    hand.wait_for_rows(1)
+    hand.wait("document.querySelectorAll('.pv-middle').length == 4")
+    hand.photo((260.0, 200.0))
+    hand.page.wait_for_timeout(300)
+    assert hand.page.locator(".pv-vertex").count() == 4
+    assert hand.page.locator(".rp-row").count() == 2
+
+
+def test_corners_beside_the_photo_lie_on_its_border(hand: Hand, demo: SharedDemo) -> None:
+    polygon(hand, [(-6.0, 300.0), (200.0, 300.0), (200.0, 500.0), (-6.0, 500.0)])
+    hand.wait_for_rows(1)
+    hand.cloud(DOOR[1])
+    hand.wait_for_points(1)
+    ring = ring_of(hand, demo.place)
+    assert ring[[0, 3], 0] == pytest.approx(-0.5)
+    assert ring[[1, 2], 0] == pytest.approx(200.0, abs=1.5)
+
+
+@pytest.mark.parametrize("pixel", [(-1.5, 500.0), (1280.5, 500.0)])
+def test_clicks_on_the_border_of_the_photo_are_heard(hand: Hand, pixel: tuple[float, float]) -> None:
+    hand.photo(pixel)
+    hand.wait("document.querySelectorAll('.rp-row').length == 2 || document.querySelector('.q-notification')")
+
+
+def test_a_lasso_may_begin_outside_the_range_image(hand: Hand) -> None:
+    place = hand.page.locator(".pv-stage").nth(1)
+    before = place.bounding_box()
+    width, height = hand.range.size
+    hand.page.keyboard.press("x")
+    hand.wait("document.querySelector('.pv-cut')")
+    x, y = hand.range.pixels(np.array([DOOR[1]]))[0].tolist()
+    above = -0.04 * height
+    ring = [(x - 20.0, above), (x + 20.0, above), (x + 20.0, y + 10.0), (x - 20.0, y + 10.0), (x - 20.0, above)]
+    hand.stroke(1, ring, (width, height))
+    hand.wait("document.querySelectorAll('.rp-row').length == 2 || document.querySelector('.q-notification')")
+    hand.shot("21-lasso")
+    assert place.bounding_box() == before
+
+
+def test_a_click_on_a_name_selects(hand: Hand) -> None:
+    polygon(hand, RING)
+    hand.wait_for_rows(1)
+    hand.page.keyboard.press("n")
+    polygon(hand, [(500.0, 200.0), (600.0, 200.0), (600.0, 300.0)])
+    hand.wait_for_rows(2)
+    selected = "document.querySelectorAll('.rp-row')[{}].classList.contains('rp-on')"
+    hand.wait(selected.format(2))
+    hand.page.locator(".pv-name", has_text="region 1").first.click()
+    hand.wait(selected.format(1))
+    assert hand.page.locator(".rp-row").count() == 3
+    hand.page.locator(".rp-row").nth(2).locator("input").click()
+    hand.wait(selected.format(2))
+    hand.page.keyboard.press("End")
+    hand.page.keyboard.type(" door", delay=60)
+    assert hand.page.locator(".rp-row").nth(2).locator("input").input_value() == "region 2 door"
+    hand.page.keyboard.press("Tab")
+    hand.page.wait_for_selector(".pv-name:has-text('region 2 door')", timeout=WAIT_MS)
+
+
+def test_messages_cover_no_tool(hand: Hand) -> None:
+    hand.page.keyboard.press("Control+s")
+    hand.page.wait_for_selector(".q-notification", timeout=WAIT_MS)
+    hand.shot("22-message")
+    toast = hand.page.locator(".q-notification").first.bounding_box()
+    heads = [head.bounding_box() for head in hand.page.locator(".rp-bar, .rp-head").all()]
+    assert all(head["y"] + head["height"] <= toast["y"] for head in heads)

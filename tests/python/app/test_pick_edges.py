@@ -32,7 +32,7 @@ from regionpose.scene.document import SceneError
 from regionpose.scene.estimate import estimate_scene
 from regionpose.scene.loading import load_scene
 from regionpose.solve.estimate import Alternative
-from small_searches import draw_fewer, two_worlds
+from small_searches import draw_fewer, skip_planes, two_worlds
 
 pytestmark = pytest.mark.slow
 
@@ -54,8 +54,9 @@ def worlds() -> list[World]:
 
 @pytest.fixture(autouse=True)
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Far fewer poses are looked at than a search needs."""
+    """Far fewer poses are looked at than a search needs, and no planes confirmed, which the page does not show."""
     draw_fewer(monkeypatch)
+    skip_planes(monkeypatch)
 
 
 def write_pair(folder: Path, world: World, name: str) -> None:

@@ -33,6 +33,8 @@ AT_ONCE = "from regionpose.cli import console, main; console.SHOWN_AFTER_S = 0.0
 STUDY = AT_ONCE.replace("import console, main;", "import console; from benchmarks.synthetic.command import main;")
 """The same of a study."""
 
+POINTS = 300_000
+
 SHOW_CURSOR, HIDE_CURSOR = "\x1b[?25h", "\x1b[?25l"
 CODES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
@@ -120,15 +122,17 @@ def remains(text: str) -> str:
 def cloud(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A text of points that takes tenths of a second to read."""
     path = tmp_path_factory.mktemp("cloud") / "cloud.xyz"
-    path.write_text("".join(f"{k % 1009} {k % 997} {k % 13}.5\n" for k in range(600_000)), encoding="ascii")
+    path.write_text("".join(f"{k % 1009} {k % 997} {k % 13}.5\n" for k in range(POINTS)), encoding="ascii")
     return path
 
 
 def test_reading_shows_a_bar_with_its_rate_at_a_terminal_alone(cloud: Path) -> None:
     seen = at_terminal("info", cloud, "--json")
     assert seen.code == 0 and shows_bytes(seen, "read cloud", cloud)
-    assert any("spacing of 600000 points" in line for line in seen.lines)
+    assert any(f"spacing of {POINTS} points" in line for line in seen.lines)
     assert all(len(line) <= 80 for line in seen.lines)
+    assert remains(seen.terminal) == " at 0, 0"
+    assert seen.terminal.rfind(SHOW_CURSOR) > seen.terminal.rfind(HIDE_CURSOR)
     piped = subprocess.run(
         [sys.executable, "-c", AT_ONCE, "info", str(cloud), "--json"], capture_output=True, text=True, check=True
     )
@@ -161,14 +165,8 @@ def test_picking_shows_what_it_reads_until_the_page_is_there(cloud: Path, tmp_pa
 
     seen = at_terminal("pick", scene, "--no-browser", end=end)
     assert shows_bytes(seen, "read files", cloud)
-    assert any("pictures of 600000 points" in line for line in seen.lines)
+    assert any(f"pictures of {POINTS} points" in line for line in seen.lines)
     assert left, "the bars are gone before the page is served"
-
-
-def test_nothing_of_the_bars_is_left(cloud: Path) -> None:
-    seen = at_terminal("info", cloud)
-    assert remains(seen.terminal) == " at 0, 0"
-    assert seen.terminal.rfind(SHOW_CURSOR) > seen.terminal.rfind(HIDE_CURSOR)
 
 
 def test_quiet_shows_nothing_at_a_terminal(cloud: Path) -> None:

@@ -102,9 +102,8 @@ def test_a_posterior_wider_than_its_prior_says_nothing_there() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("times", [0.0, 1.0, 5.0])
-@pytest.mark.parametrize("count", [2, 4])
-def test_true_poses_lie_in_the_ellipsoid_however_far_frames_are_off(times: float, count: int) -> None:
+@pytest.mark.parametrize(("count", "times"), [(2, 0.0), (2, 5.0), (4, 1.0), (4, 5.0)])
+def test_true_poses_lie_in_the_ellipsoid_however_far_frames_are_off(count: int, times: float) -> None:
     """Of frames that are off by so many times their deviations, 70 of 100 true poses or more lie in that of 90 %: how
     far two frames scatter is known to a factor. The scatter of many is found.
     """

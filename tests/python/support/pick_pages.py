@@ -42,6 +42,15 @@ sys.exit(main())
 
 SIZE = (1280, 960)
 WAIT_MS = 120_000
+POLL_MS = 50
+"""Between two looks at a page: at each of its frames, as by default, would keep it drawing."""
+
+LISTENS = """
+window.socket?.connected && document.querySelector('.pv img')
+&& [...document.querySelectorAll('.pv img')].every(picture => picture.complete)
+"""
+"""Whether a page shows its pictures and hears of clicks."""
+
 DOOR = ((463, 498), (4.629, 5.132, 0.972))
 BOARD = ((159, 501), (2.676, 6.081, 0.842))
 CHALKBOARD = ((850, 769), (4.190, 2.048, -0.997))
@@ -98,7 +107,7 @@ class Hand:
         return box["x"] + across * box["width"], box["y"] + down * box["height"]
 
     def wait(self, script: str) -> None:
-        self.page.wait_for_function(script)
+        self.page.wait_for_function(script, polling=POLL_MS)
 
     def wait_for_rows(self, count: int) -> None:
         self.wait(f"document.querySelectorAll('.rp-row').length == {count + 1}")
@@ -132,7 +141,7 @@ def opened(browser: Any, address: str) -> tuple[Any, list[str]]:
 
 def new_context(browser: Any, state: Any = None) -> Any:
     """Where pages share cookies, those of a state to begin with."""
-    context = browser.new_context(viewport={"width": 1440, "height": 900}, storage_state=state)
+    context = browser.new_context(viewport={"width": 1440, "height": 900}, storage_state=state, reduced_motion="reduce")
     context.set_default_timeout(WAIT_MS)
     return context
 
@@ -152,8 +161,7 @@ def led_on(page: Any, address: str) -> None:
     """Open an address that leads on, and wait for the page that it leads to."""
     page.goto(address, wait_until="commit")
     page.wait_for_url(re.compile(r"^http://[^/]*/$"))
-    page.wait_for_selector(".pv img")
-    page.wait_for_timeout(1500)
+    page.wait_for_function(LISTENS, polling=POLL_MS)
 
 
 def saved_region(hand: Hand, folder_of_scene: Path) -> dict[str, Any]:
@@ -177,7 +185,7 @@ class SharedDemo:
     """One server of the demo's files and one browser for many tests, each with a page of its own and no region yet."""
 
     def __init__(self, player: Any, address: str, place: Path) -> None:
-        self.player, self.place = player, place
+        self.player, self.address, self.place = player, address, place
         self.browser = self._launched("--disable-gpu")
         first, _ = opened(self.browser, address)
         self.home, self.context = first.url, first.context
@@ -192,7 +200,7 @@ class SharedDemo:
         led_on(page, self.home)
         while page.locator(".rp-row").count():
             page.keyboard.press("Control+z")
-            page.wait_for_timeout(200)
+            page.wait_for_timeout(100)
         return page, odd
 
     def close_pages(self) -> None:
