@@ -2,9 +2,10 @@
 
 Frames: the demo's scene with its regions, and without, and with real frames at hand the first street, its heading known
 to 20 degrees. The time of each stage is without those within it. `--growth`: points, pixels and frames of the room of
-`benchmarks.scale`, and regions, are doubled three times.
+`benchmarks.scale`, and regions, are doubled three times. `--clicks`: the pose by the demo's regions alone, as the page
+shows it after each pair of clicks.
 
-    python -m benchmarks.frame [--data ../shared/data] [--growth]
+    python -m benchmarks.frame [--data ../shared/data] [--growth] [--clicks]
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import functools
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from regionpose.alignment.edge_frame import EdgeFrame
 from regionpose.alignment.pose_search import Density
 from regionpose.app.edge_scene import without_regions
 from regionpose.app.scene_text import scene_of
+from regionpose.app.session import Session
 from regionpose.datasets.demo import demo_folder
 from regionpose.scene import estimate, exposure, sensors
 from regionpose.scene.bundle import bundle
@@ -56,6 +58,13 @@ STAGES: tuple[tuple[str, Any, str], ...] = (
 
 SIZES = {"points": 50_000, "pixels": 500_000, "frames": 1, "regions": 3}
 """What is doubled three times, from these."""
+
+SIGNS = (
+    ([463.0, 498.0], [4.629, 5.132, 0.972]),
+    ([159.0, 501.0], [2.676, 6.081, 0.842]),
+    ([850.0, 769.0], [4.190, 2.048, -0.997]),
+)
+"""A door, a board and a chalkboard of the demo: a pixel and a point of each."""
 
 
 class Clock:
@@ -147,6 +156,47 @@ def regions_run(count: int) -> Callable[[Clock], object]:
     return lambda clock: rp.estimate_pose(camera, images, sides)
 
 
+def clicked(pairs: Sequence[tuple[list[float], list[float]]], *, as_signs: bool) -> Session:
+    """The demo with regions by clicks in photo and cloud: these take whole walls in the cloud, further ones the signs
+    on them.
+    """
+    files = demo_folder()
+    session = Session.create(
+        Path("scene.yaml"),
+        image=files / "image.jpg",
+        camera=files / "camera_info.yaml",
+        cloud=files / "cloud.ply",
+        sensor_origin=[0.0, 0.0, 0.0],
+    )
+    for pixel, place in pairs:
+        session.click_photo(pixel)
+        session.click_cloud(place)
+        region = session.sketch.region(len(session.regions) - 1)
+        for _ in range(len(region.world) - 1 if as_signs and region.world else 0):
+            session.click_cloud(place)
+    return session
+
+
+def click_rows() -> Iterator[str]:
+    """A row for each number of pairs that were clicked: the pose by them, seconds, and what it is called."""
+    yield "| clicked | pose by regions | |"
+    yield "|---|---|---|"
+    door, board, chalkboard = SIGNS
+    cases = {
+        "a sign in the photo, its whole wall in the cloud": clicked([door], as_signs=False),
+        "a sign on one wall in the photo, another wall's in the cloud": clicked(
+            [(door[0], chalkboard[1])], as_signs=True
+        ),
+        "one sign": clicked([door], as_signs=True),
+        "two signs": clicked([door, board], as_signs=True),
+        "three signs": clicked([door, board, chalkboard], as_signs=True),
+    }
+    for name, session in cases.items():
+        start = time.process_time()
+        status = session.estimate_regions().estimate.status
+        yield f"| {name} | {time.process_time() - start:.2g} s | {status} |"
+
+
 def table(columns: Mapping[str, Mapping[str, float]]) -> Iterator[str]:
     """A row for each stage, seconds of processor time, and their sum."""
     yield "| stage | " + " | ".join(columns) + " |"
@@ -180,6 +230,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=DEFAULT_DATA)
     parser.add_argument("--growth", action="store_true")
+    parser.add_argument("--clicks", action="store_true")
     options = parser.parse_args()
     runs: dict[str, Callable[[Clock], object]] = {
         "demo, regions and edges": functools.partial(demo_run, with_regions=True),
@@ -194,8 +245,9 @@ def main() -> None:
     seconds_of(functools.partial(demo_run, with_regions=True))
     for line in table({name: seconds_of(run) for name, run in runs.items()}):
         print(line)
-    for line in growth() if options.growth else ():
-        print(line, flush=True)
+    for rows in (growth() if options.growth else (), click_rows() if options.clicks else ()):
+        for line in rows:
+            print(line, flush=True)
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -100,9 +101,17 @@ def codes(estimate: rp.PoseEstimate) -> list[str]:
 
 SHAPES = [SHAPE + place for place in PLACES]
 
+CASES = {"right": (SHAPES, STRAIGHT), "turned": (SHAPES, TURN), "rectangle": ([DOOR], STRAIGHT)}
+
+
+@cache
+def judged_case(case: str) -> rp.PoseEstimate:
+    """The same of a case; tests share it."""
+    return judged(*CASES[case])
+
 
 def test_a_right_pose_stays_trusted() -> None:
-    found = judged(SHAPES)
+    found = judged_case("right")
     estimate = found
     assert turned_deg(estimate.pose) < NEAR_DEG and estimate.warnings == () and estimate.confidence > 0.99
     assert edges_of(found).log_odds > 20.0 and regions_only_of(found).rank == 1 and regions_only_of(found).is_refined
@@ -113,7 +122,7 @@ def test_a_right_pose_stays_trusted() -> None:
 
 
 def test_a_pose_that_fits_its_regions_but_not_the_scene_is_not_trusted() -> None:
-    found = judged(SHAPES, TURN)
+    found = judged_case("turned")
     assert turned_deg(found.pose) > 20.0 and found.diagnostics.overlap_error < 1e-6
     assert codes(found) == ["edge-mismatch"] and found.confidence < 0.9
     assert regions_only_of(found).estimate.confidence == pytest.approx(alone(SHAPES).confidence, abs=0.01)
@@ -124,7 +133,7 @@ def test_edges_choose_the_answer_of_a_rectangle() -> None:
     free = alone([DOOR])
     assert len(free.diagnostics.alternatives) == 3 and "ambiguous-pose" in codes(free)
     order = [turned_deg(pose) < 1.0 for pose in (free.pose, *(other.pose for other in free.diagnostics.alternatives))]
-    found = judged([DOOR])
+    found = judged_case("rectangle")
     assert (
         turned_deg(found.pose) < NEAR_DEG
         and regions_only_of(found).rank == order.index(True) + 1
@@ -153,20 +162,16 @@ def test_edges_find_the_pose_where_all_regions_are_wrong() -> None:
     assert found.diagnostics.overlap_error > 0.5
 
 
-@pytest.mark.parametrize(
-    ("shapes", "turn", "level"),
-    [(SHAPES, STRAIGHT, "trusted"), (SHAPES, TURN, "doubtful"), ([DOOR], STRAIGHT, "trusted")],
-    ids=["right", "turned", "rectangle"],
-)
-def test_scene_files_judge_in_the_same_way(shapes: list[Array], turn: Rotation, level: str, tmp_path: Path) -> None:
-    run = rp.estimate_scene(rp.load_scene(scene_file(tmp_path, shapes, turn)))
-    found = judged(shapes, turn)
+@pytest.mark.parametrize(("case", "level"), [("right", "trusted"), ("turned", "doubtful"), ("rectangle", "trusted")])
+def test_scene_files_judge_in_the_same_way(case: str, level: str, tmp_path: Path) -> None:
+    run = rp.estimate_scene(rp.load_scene(scene_file(tmp_path, *CASES[case])))
+    found = judged_case(case)
     assert run.estimate.status == found.status == level
     assert edges_of(run.estimate).log_odds == pytest.approx(edges_of(found).log_odds, abs=2.0)
     assert run.estimate.confidence == pytest.approx(found.confidence, abs=0.05)
     assert codes(run.estimate) == codes(found)
     assert turned_deg(run.estimate.pose, found.pose) < 0.02
-    assert ("chosen among 4 poses" in headline(run)) == (shapes == [DOOR])
+    assert ("chosen among 4 poses" in headline(run)) == (case == "rectangle")
 
 
 def test_wrong_shapes_are_named() -> None:
