@@ -109,6 +109,8 @@ def test_the_cookie_opens_the_page_which_may_load_nothing_from_elsewhere() -> No
         ("/?token=wrong", {}, 403),
         ("/files/photo.jpg", {"cookie": f"regionpose_{PORT}=wrong"}, 403),
         ("/files/photo.jpg?token=" + TOKEN, {}, 403),
+        (f"/?token={TOKEN}", {"host": f"evil.example:{PORT}"}, 421),
+        (f"/?token={TOKEN}", {"origin": "https://evil.example"}, 403),
         ("/", COOKIE | {"host": f"evil.example:{PORT}"}, 421),
         ("/", COOKIE | {"host": "127.0.0.1:9999"}, 421),
         ("/", COOKIE | {"origin": "https://evil.example"}, 403),
