@@ -51,6 +51,18 @@ window.socket?.connected && document.querySelector('.pv img')
 """
 """Whether a page shows its pictures and hears of clicks."""
 
+STILL_MS = 500
+STILL = f"""
+() => {{
+    const parts = [...document.querySelectorAll('.pv-stage, .pv img, .rp-row')];
+    const shown = JSON.stringify(parts.map(part => [part.getBoundingClientRect(), part.src]));
+    if (window.lastShown?.shown !== shown) window.lastShown = {{shown, since: Date.now()}};
+    return Date.now() - window.lastShown.since > {STILL_MS};
+}}
+"""
+"""Whether its pictures and regions have stayed the same, and where they are, for a while: a click into what is about to
+move, or to be drawn anew, may go elsewhere."""
+
 DOOR = ((463, 498), (4.629, 5.132, 0.972))
 BOARD = ((159, 501), (2.676, 6.081, 0.842))
 CHALKBOARD = ((850, 769), (4.190, 2.048, -0.997))
@@ -162,6 +174,7 @@ def led_on(page: Any, address: str) -> None:
     page.goto(address, wait_until="commit")
     page.wait_for_url(re.compile(r"^http://[^/]*/$"))
     page.wait_for_function(LISTENS, polling=POLL_MS)
+    page.wait_for_function(STILL, polling=POLL_MS)
 
 
 def saved_region(hand: Hand, folder_of_scene: Path) -> dict[str, Any]:
@@ -200,7 +213,7 @@ class SharedDemo:
         led_on(page, self.home)
         while page.locator(".rp-row").count():
             page.keyboard.press("Control+z")
-            page.wait_for_timeout(100)
+            page.wait_for_function(STILL, polling=POLL_MS)
         return page, odd
 
     def close_pages(self) -> None:
