@@ -15,7 +15,7 @@ import functools
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,7 @@ from regionpose.scene.stages import Stages
 from scipy.spatial.transform import Rotation
 
 from benchmarks.automatic import mounted, photo_and_cloud
+from benchmarks.demo_clicks import BOARD, CHALKBOARD, DOOR, click_sign, demo_session
 from benchmarks.real_frames import load_frames
 from benchmarks.real_scenes import DEFAULT_DATA
 from benchmarks.scale import Loaded, make_inputs
@@ -58,13 +59,6 @@ STAGES: tuple[tuple[str, Any, str], ...] = (
 
 SIZES = {"points": 50_000, "pixels": 500_000, "frames": 1, "regions": 3}
 """What is doubled three times, from these."""
-
-SIGNS = (
-    ([463.0, 498.0], [4.629, 5.132, 0.972]),
-    ([159.0, 501.0], [2.676, 6.081, 0.842]),
-    ([850.0, 769.0], [4.190, 2.048, -0.997]),
-)
-"""A door, a board and a chalkboard of the demo: a pixel and a point of each."""
 
 
 class Clock:
@@ -156,23 +150,16 @@ def regions_run(count: int) -> Callable[[Clock], object]:
     return lambda clock: rp.estimate_pose(camera, images, sides)
 
 
-def clicked(pairs: Sequence[tuple[list[float], list[float]]], *, as_signs: bool) -> Session:
-    """The demo with regions by clicks in photo and cloud: these take whole walls in the cloud, further ones the signs
-    on them.
+def clicked(*pairs: tuple[list[float], list[float]], as_signs: bool = True) -> Session:
+    """The demo with regions by clicks in photo and cloud: the first ones take whole walls in the cloud, further ones
+    the signs on them.
     """
-    files = demo_folder()
-    session = Session.create(
-        Path("scene.yaml"),
-        image=files / "image.jpg",
-        camera=files / "camera_info.yaml",
-        cloud=files / "cloud.ply",
-        sensor_origin=[0.0, 0.0, 0.0],
-    )
+    session = demo_session(Path("scene.yaml"))
     for pixel, place in pairs:
         session.click_photo(pixel)
-        session.click_cloud(place)
-        region = session.sketch.region(len(session.regions) - 1)
-        for _ in range(len(region.world) - 1 if as_signs and region.world else 0):
+        if as_signs:
+            click_sign(session, place)
+        else:
             session.click_cloud(place)
     return session
 
@@ -181,15 +168,12 @@ def click_rows() -> Iterator[str]:
     """A row for each number of pairs that were clicked: the pose by them, seconds, and what it is called."""
     yield "| clicked | pose by regions | |"
     yield "|---|---|---|"
-    door, board, chalkboard = SIGNS
     cases = {
-        "a sign in the photo, its whole wall in the cloud": clicked([door], as_signs=False),
-        "a sign on one wall in the photo, another wall's in the cloud": clicked(
-            [(door[0], chalkboard[1])], as_signs=True
-        ),
-        "one sign": clicked([door], as_signs=True),
-        "two signs": clicked([door, board], as_signs=True),
-        "three signs": clicked([door, board, chalkboard], as_signs=True),
+        "a sign in the photo, its whole wall in the cloud": clicked(DOOR, as_signs=False),
+        "a sign on one wall in the photo, another wall's in the cloud": clicked((DOOR[0], CHALKBOARD[1])),
+        "one sign": clicked(DOOR),
+        "two signs": clicked(DOOR, BOARD),
+        "three signs": clicked(DOOR, BOARD, CHALKBOARD),
     }
     for name, session in cases.items():
         start = time.process_time()

@@ -7,7 +7,7 @@ use super::active_set::ActiveSet;
 use super::label_inference::{LabelInference, PoseState};
 use super::label_model::{LabelModel, NoiseLevels, residual_sigma, subsample_stride};
 use super::margin::SampledRegion;
-use super::posterior::{EQUIVALENT_DEVIANCE, ModeEvidence, Posterior, mixture_moments, wrong_fractions};
+use super::posterior::{EQUIVALENT_DEVIANCE, ModeEvidence, Posterior, likeliest, mixture_moments, wrong_fractions};
 use crate::budget::Budget;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::math::gaussian::{Gaussian, Normal};
@@ -91,19 +91,9 @@ pub fn anneal(
         tracks.retain_mut(|track| track.restore_best().is_some());
         advance(&mut tracks, max_deficit, visited, |track| track.neighbor_of_likeliest(ratio), budget);
     }
-    distinct(tracks).into_iter().filter_map(Track::finish).collect()
-}
-
-/// The likeliest track of each mode: the others would be finished to the same posterior.
-fn distinct<F: Fn(&Pose) -> Gaussian>(mut tracks: Vec<Track<F>>) -> Vec<Track<F>> {
-    tracks.sort_by(|a, b| b.best_log_evidence().total_cmp(&a.best_log_evidence()));
-    let mut kept: Vec<Track<F>> = Vec::with_capacity(tracks.len());
-    for track in tracks {
-        if !kept.iter().any(|other| other.has_same_mode(&track)) {
-            kept.push(track);
-        }
-    }
-    kept
+    // Tracks of one mode would be finished to one posterior.
+    let distinct = likeliest(tracks, |_, _| false, Track::best_log_evidence, Track::has_same_mode);
+    distinct.into_iter().filter_map(Track::finish).collect()
 }
 
 /// Sigmas of labels with all samples, falling, pixels.

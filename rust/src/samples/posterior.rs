@@ -145,3 +145,21 @@ pub(super) fn mixture_moments(about: &Pose, components: &[(f64, Pose, Matrix6<f6
     let covariance = parts.map(|(increment, (.., covariance))| spread(increment, covariance)).sum();
     (about.retract(&mean), covariance)
 }
+
+/// The items of the greatest logarithms of evidence, each pose once, without those that are too far behind the best.
+pub fn likeliest<T>(
+    mut items: Vec<T>,
+    is_behind: impl Fn(&T, &T) -> bool,
+    log_evidence: impl Fn(&T) -> f64,
+    is_same: impl Fn(&T, &T) -> bool,
+) -> Vec<T> {
+    items.retain(|item| log_evidence(item).is_finite());
+    items.sort_by(|a, b| log_evidence(b).total_cmp(&log_evidence(a)));
+    let mut kept: Vec<T> = Vec::new();
+    for item in items {
+        if !kept.first().is_some_and(|best| is_behind(best, &item)) && !kept.iter().any(|other| is_same(other, &item)) {
+            kept.push(item);
+        }
+    }
+    kept
+}

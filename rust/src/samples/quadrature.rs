@@ -111,15 +111,15 @@ pub fn tilted_moments(labels: &[SegmentLabel], cavity: &Normal<ENDS>, seed: &Nor
         let (scaled, log_integral) =
             vectorized(GridQuadrature { grid: &grid, labels, mean: &cavity.mean, information: &information });
         let mean = ends.mean + root * scaled.mean;
-        let with = |covariance: Matrix2<f64>| Normal { mean, covariance: root * covariance * root.transpose() };
+        let unscaled = |covariance: Matrix2<f64>| Normal { mean, covariance: root * covariance * root.transpose() };
         let log_normalizer = (2.0 * PI).ln() + 0.5 * cavity.covariance.determinant().ln();
         let has_converged = fits_grid(&scaled);
         let log_probability = log_integral - log_normalizer;
-        moments = Some(TiltedMoments { ends: with(scaled.covariance), log_probability, has_converged });
+        moments = Some(TiltedMoments { ends: unscaled(scaled.covariance), log_probability, has_converged });
         if has_converged {
             break;
         }
-        ends = with(next_layout(&scaled));
+        ends = unscaled(next_layout(&scaled));
     }
     moments
 }
@@ -132,8 +132,8 @@ fn fits_grid(scaled: &Normal<ENDS>) -> bool {
 }
 
 /// Covariance of the next grid in the units of the last one: that of the moments, but about the last grid's center along an axis where
-/// the distribution goes on beyond the grid. What is seen of it there tells neither where the rest lies nor how wide it is, and a grid of
-/// its width would go on by as little again.
+/// the distribution goes on beyond the grid: the moments of a tail are the same wherever its mode lies, so a grid of their width would
+/// move on by as little again.
 fn next_layout(scaled: &Normal<ENDS>) -> Matrix2<f64> {
     let goes_on =
         |axis: usize| scaled.mean[axis].abs() + TAIL_SIGMAS * scaled.covariance[(axis, axis)].sqrt() > HALF_WIDTH;

@@ -22,7 +22,7 @@ use crate::region::WorldRegion;
 use crate::samples::anneal::{CoarseFit, VisitedStates, anneal, fit_coarse};
 use crate::samples::label_model::{contradicts, log_likelihood, subsample_stride};
 use crate::samples::margin::SampledRegion;
-use crate::samples::posterior::Posterior;
+use crate::samples::posterior::{Posterior, likeliest};
 use crate::samples::signed_distance::SignedDistanceField;
 
 /// Starts that are refined.
@@ -221,24 +221,6 @@ fn beside(pose: &Pose) -> impl Iterator<Item = Pose> {
 fn likeliest_of(found: &[Posterior]) -> Option<(f64, Pose)> {
     let best = found.iter().max_by(|a, b| a.log_evidence().total_cmp(&b.log_evidence()))?;
     Some((best.log_evidence(), best.pose))
-}
-
-/// The items of the greatest logarithms of evidence, each pose once, without those that are too far behind the best.
-fn likeliest<T>(
-    mut items: Vec<T>,
-    is_behind: impl Fn(&T, &T) -> bool,
-    log_evidence: impl Fn(&T) -> f64,
-    is_same: impl Fn(&T, &T) -> bool,
-) -> Vec<T> {
-    items.retain(|item| log_evidence(item).is_finite());
-    items.sort_by(|a, b| log_evidence(b).total_cmp(&log_evidence(a)));
-    let mut kept: Vec<T> = Vec::new();
-    for item in items {
-        if !kept.first().is_some_and(|best| is_behind(best, &item)) && !kept.iter().any(|other| is_same(other, &item)) {
-            kept.push(item);
-        }
-    }
-    kept
 }
 
 /// Each mode once, the likeliest first.

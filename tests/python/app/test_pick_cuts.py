@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pick_sessions import BOARD, CHALKBOARD, click_sign, demo_session
 from regionpose.app.session import Session
 from regionpose.app.shared_session import SharedSession
 from regionpose.io.clouds import Cloud
 from regionpose.scene.region_sides import Scan
+
+from benchmarks.demo_clicks import BOARD, CHALKBOARD, click_sign, demo_session
 
 pytestmark = pytest.mark.slow
 

@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from pick_sessions import BOARD, CHALKBOARD, DOOR, WAIT_S, click_sign, demo_session, holds
+from pick_sessions import WAIT_S, holds
 from PIL import Image
 from regionpose.app import estimator
 from regionpose.app.outcome import Outcome
@@ -23,6 +23,8 @@ from regionpose.fusion.colors import seen_points
 from regionpose.progress import UnwantedError, check_wanted, while_wanted
 from regionpose.scene.estimate import with_edges
 from regionpose.scene.stages import Stages
+
+from benchmarks.demo_clicks import BOARD, CHALKBOARD, DOOR, click_sign, demo_session
 
 pytestmark = pytest.mark.slow
 

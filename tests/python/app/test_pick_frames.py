@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pick_sessions import CHALKBOARD, demo_files
 from regionpose.app.frames import Frames, FrameSession
 from regionpose.app.prior_settings import PriorSettings
 from regionpose.app.session import Session
@@ -16,6 +15,8 @@ from regionpose.cli.pick import _session
 from regionpose.scene.document import SceneError
 from regionpose.scene.loading import load_scene
 from regionpose.scene.stages import Stages
+
+from benchmarks.demo_clicks import CHALKBOARD, demo_files
 
 SQUARES = [[[x, 700.0], [x + 60.0, 700.0], [x + 60.0, 780.0], [x, 780.0]] for x in (800.0, 820.0)]
 NOTHING: dict[str, Path | None] = {"--image": None, "--camera": None, "--cloud": None}

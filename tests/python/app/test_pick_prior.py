@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pick_sessions import demo_session
 from pydantic import ValidationError
 from regionpose.app.prior_settings import PriorSettings, initial_pose, looking
 from regionpose.app.scene_text import scene_of
@@ -17,6 +16,8 @@ from regionpose.scene.document import SceneError
 from regionpose.scene.loading import load_scene
 from regionpose.scene.sensors import sensor_origin
 from regionpose.scene.solver_config import scene_prior
+
+from benchmarks.demo_clicks import demo_session
 
 SQUARE = [[100.0, 100.0], [160.0, 100.0], [160.0, 150.0], [100.0, 150.0]]
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pick_sessions import BOARD, CHALKBOARD, DOOR, click_sign, demo_files, demo_session
 from regionpose.app.outcome import Outcome
 from regionpose.app.scanner import proposed_scanner
 from regionpose.app.session import Session
@@ -20,6 +19,8 @@ from regionpose.scene.bundle import read_truth, truth_errors
 from regionpose.scene.estimate import SceneEstimate, estimate_scene
 from regionpose.scene.fit import region_fits, scene_fit
 from regionpose.scene.loading import load_scene
+
+from benchmarks.demo_clicks import BOARD, CHALKBOARD, DOOR, click_sign, demo_files, demo_session
 
 pytestmark = pytest.mark.slow
 
@@ -50,8 +51,7 @@ def test_three_clicks_a_side_give_the_demo_s_pose_and_the_saved_file_the_same(se
     )
     again = Session.open(session.path)
     assert not again.is_changed
-    by_regions = session.estimate_regions().estimate.pose.matrix
-    np.testing.assert_array_equal(again.estimate_regions().estimate.pose.matrix, by_regions)
+    np.testing.assert_array_equal(again.estimate().estimate.pose.matrix, run.estimate.pose.matrix)
 
 
 def check_measure(run: SceneEstimate, html: str) -> None:

@@ -45,11 +45,11 @@ WAIT_MS = 120_000
 POLL_MS = 50
 """Between two looks at a page: at each of its frames, as by default, would keep it drawing."""
 
-LISTENS = """
+CONNECTED = """
 window.socket?.connected && document.querySelector('.pv img')
 && [...document.querySelectorAll('.pv img')].every(picture => picture.complete)
 """
-"""Whether a page shows its pictures and hears of clicks."""
+"""Whether a page shows its pictures, and its server receives clicks."""
 
 STILL_MS = 500
 STILL = f"""
@@ -173,7 +173,7 @@ def led_on(page: Any, address: str) -> None:
     """Open an address that leads on, and wait for the page that it leads to."""
     page.goto(address, wait_until="commit")
     page.wait_for_url(re.compile(r"^http://[^/]*/$"))
-    page.wait_for_function(LISTENS, polling=POLL_MS)
+    page.wait_for_function(CONNECTED, polling=POLL_MS)
     page.wait_for_function(STILL, polling=POLL_MS)
 
 
