@@ -37,7 +37,7 @@ from regionpose.scene.stages import Stages
 from scipy.spatial.transform import Rotation
 
 from benchmarks.automatic import mounted, photo_and_cloud
-from benchmarks.demo_clicks import BOARD, CHALKBOARD, DOOR, click_sign, demo_session
+from benchmarks._demo_clicks import BOARD, CHALKBOARD, DOOR, click_sign, demo_session
 from benchmarks.real_frames import load_frames
 from benchmarks.real_scenes import DEFAULT_DATA
 from benchmarks.scale import Loaded, make_inputs

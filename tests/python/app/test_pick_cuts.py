@@ -14,7 +14,7 @@ from regionpose.app.shared_session import SharedSession
 from regionpose.io.clouds import Cloud
 from regionpose.scene.region_sides import Scan
 
-from benchmarks.demo_clicks import BOARD, CHALKBOARD, click_sign, demo_session
+from benchmarks._demo_clicks import BOARD, CHALKBOARD, click_sign, demo_session
 
 pytestmark = pytest.mark.slow
 

@@ -24,7 +24,7 @@ from regionpose.progress import UnwantedError, check_wanted, while_wanted
 from regionpose.scene.estimate import with_edges
 from regionpose.scene.stages import Stages
 
-from benchmarks.demo_clicks import BOARD, CHALKBOARD, DOOR, click_sign, demo_session
+from benchmarks._demo_clicks import BOARD, CHALKBOARD, DOOR, click_sign, demo_session
 
 pytestmark = pytest.mark.slow
 

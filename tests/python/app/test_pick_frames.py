@@ -16,7 +16,7 @@ from regionpose.scene.document import SceneError
 from regionpose.scene.loading import load_scene
 from regionpose.scene.stages import Stages
 
-from benchmarks.demo_clicks import CHALKBOARD, demo_files
+from benchmarks._demo_clicks import CHALKBOARD, demo_files
 
 SQUARES = [[[x, 700.0], [x + 60.0, 700.0], [x + 60.0, 780.0], [x, 780.0]] for x in (800.0, 820.0)]
 NOTHING: dict[str, Path | None] = {"--image": None, "--camera": None, "--cloud": None}

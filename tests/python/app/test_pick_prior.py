@@ -17,7 +17,7 @@ from regionpose.scene.loading import load_scene
 from regionpose.scene.sensors import sensor_origin
 from regionpose.scene.solver_config import scene_prior
 
-from benchmarks.demo_clicks import demo_session
+from benchmarks._demo_clicks import demo_session
 
 SQUARE = [[100.0, 100.0], [160.0, 100.0], [160.0, 150.0], [100.0, 150.0]]
 

@@ -20,7 +20,7 @@ from regionpose.scene.estimate import SceneEstimate, estimate_scene
 from regionpose.scene.fit import region_fits, scene_fit
 from regionpose.scene.loading import load_scene
 
-from benchmarks.demo_clicks import BOARD, CHALKBOARD, DOOR, click_sign, demo_files, demo_session
+from benchmarks._demo_clicks import BOARD, CHALKBOARD, DOOR, click_sign, demo_files, demo_session
 
 pytestmark = pytest.mark.slow
 
