@@ -36,8 +36,8 @@ from regionpose.scene.loading import load_scene
 from regionpose.scene.stages import Stages
 from scipy.spatial.transform import Rotation
 
-from benchmarks.automatic import mounted, photo_and_cloud
 from benchmarks._demo_clicks import BOARD, CHALKBOARD, DOOR, click_sign, demo_session
+from benchmarks.automatic import mounted, photo_and_cloud
 from benchmarks.real_frames import load_frames
 from benchmarks.real_scenes import DEFAULT_DATA
 from benchmarks.scale import Loaded, make_inputs

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import accumulate
 from typing import TypeVar
 
@@ -125,7 +126,7 @@ class SceneEstimate:
         given = given_pose(self.scene)
         return None if given is None else given.rebase(self.sides.origin)
 
-    @property
+    @cached_property
     def sample_fits(self) -> tuple[SampleFit | None, ...]:
         """On which sides of its contour each region's samples project at the estimate; None where it has none."""
         pairs = zip(*_regions(self.frames), strict=True)

@@ -53,31 +53,18 @@ def sample_fit(camera: Camera, image: ImageRegion, world: WorldRegion, pose: Pos
     region: BaseGeometry = shapely.Polygon()
     for ring in image.rings:
         region = shapely.symmetric_difference(region, shapely.Polygon(ring))
-    own, foreign = _edges(camera, image)
-    places = [_informative(pixels, own, foreign) for pixels in (inside, outside)]
+    edges = np.concatenate([np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in image.rings])
+    nearest = shapely.STRtree(cast(NDArray[np.object_], shapely.linestrings(edges)))
+    foreign = np.concatenate(image.excluded_edges(camera))
+    places = [_informative(pixels, nearest, foreign) for pixels in (inside, outside)]
     is_within = [shapely.contains_xy(region, pixels[:, 0], pixels[:, 1]) for pixels in places]
     return SampleFit(places[0][~is_within[0]], places[1][is_within[1]], sum(map(len, places)))
 
 
-def _edges(camera: Camera, image: ImageRegion) -> tuple[shapely.MultiLineString, shapely.MultiLineString]:
-    """Edges of the contour that are the region's own, and those that are not."""
-    edges = np.concatenate([np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in image.rings])
-    marks = np.concatenate(image.excluded_edges(camera))
-    return _lines(edges[~marks]), _lines(edges[marks])
-
-
-def _lines(edges: Array) -> shapely.MultiLineString:
-    """Edges (n, 2, 2) as one geometry."""
-    each = cast(NDArray[np.object_], shapely.linestrings(edges))
-    return cast(shapely.MultiLineString, shapely.multilinestrings(each))
-
-
-def _informative(pixels: Array, own: shapely.MultiLineString, foreign: shapely.MultiLineString) -> Array:
+def _informative(pixels: Array, edges: shapely.STRtree, foreign: NDArray[np.bool_]) -> Array:
     """The pixels (n, 2) in view that are nearer to an edge of the region's own than to another."""
-    visible = pixels[np.isfinite(pixels).all(axis=1)]
-    points = shapely.points(visible)
-    # The distance from no edge is NaN, with which no comparison holds.
-    informative: Array = visible[
-        ~(shapely.distance(points, foreign) <= shapely.distance(points, own)) & (not own.is_empty)
-    ]
-    return informative
+    visible: Array = pixels[np.isfinite(pixels).all(axis=1)]
+    points, nearest = edges.query_nearest(shapely.points(visible))
+    uninformative = np.zeros(len(visible), dtype=np.bool_)
+    uninformative[points[foreign[nearest]]] = True
+    return visible[~uninformative]

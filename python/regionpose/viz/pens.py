@@ -25,72 +25,67 @@ PANEL_OPACITY = 0.72
 TEXT_FRACTION, SMALLEST_TEXT = 1 / 75, 13
 """Height of a letter over the image's diagonal, and in pixels at the least: what is smaller can't be read."""
 
-SUPERSAMPLING, STRIP_ROWS = 4, 512
-"""Lines are drawn four times as large and averaged, in strips, so that a large image needs little memory."""
+UNEVENNESS_PX = 0.1
+"""A line is a row of dots, so dense that its rim is no more than this from straight."""
+
+PIXELS_AT_ONCE = 1 << 19
+"""Of all dots together: more at a time need memory and are no faster."""
 
 
 def draw_lines(picture: Bytes, lines: Sequence[Array], width: float, color: Color, opacity: float = 1.0) -> None:
-    """Blend anti-aliased polylines (n, 2) of a width in pixels into the picture, strip by strip."""
-    height, across = picture.shape[:2]
-    for top in range(0, height, STRIP_ROWS):
-        rows = min(STRIP_ROWS, height - top)
-        touching = [
-            line for line in lines if line[:, 1].max() >= top - width - 1 and line[:, 1].min() <= top + rows + width
-        ]
-        if not touching:
-            continue
-        left, right = _columns(np.concatenate(touching), 2.0 * width, across)
-        ink = Image.new("L", ((right - left) * SUPERSAMPLING, rows * SUPERSAMPLING))
-        pen = ImageDraw.Draw(ink)
-        thickness = max(1, round(width * SUPERSAMPLING))
-        for line in touching:
-            places = (_drawn(line) + 0.5 - (left, top)) * SUPERSAMPLING - 0.5
-            pen.line([(float(x), float(y)) for x, y in places], fill=255, width=thickness, joint="curve")
-        _blend(picture[top : top + rows, left:right], np.asarray(ink.reduce(SUPERSAMPLING)), color, opacity)
-
-
-def _columns(places: Array, margin: float, across: int) -> tuple[int, int]:
-    """The first column, and the one after the last, of so many that places (n, 2) with a margin around them may touch:
-    all of a picture are four times as long to ink as what a region fills.
-    """
-    low, high = places[:, 0].min() - margin, places[:, 0].max() + margin
-    left = int(np.clip(np.floor(low), 0, across - 1))
-    return left, int(np.clip(np.ceil(high) + 1, left + 1, across))
-
-
-def _drawn(line: Array) -> Array:
-    """A polyline (n, 2) without vertices that move it by less than half a drawn pixel: each joint takes as long as a
-    line.
-    """
+    """Blend anti-aliased polylines (n, 2) of a width in pixels into the picture, in place."""
     import shapely
 
-    whole = shapely.LineString(line)
-    return np.asarray(shapely.get_coordinates(whole.simplify(0.5 / SUPERSAMPLING, preserve_topology=False)))
+    height, across = picture.shape[:2]
+    radius = 0.5 * width
+    # Discs of radius r, s apart, leave notches of about s^2 / (8 r) between them.
+    spacing = float(np.sqrt(8.0 * radius * UNEVENNESS_PX))
+    whole = shapely.MultiLineString(list(lines))
+    near = shapely.clip_by_rect(whole, -width, -width, across + width, height + width)
+    evened = shapely.segmentize(shapely.simplify(near, UNEVENNESS_PX, preserve_topology=False), spacing)
+    _draw_discs(picture, shapely.get_coordinates(evened), radius, color, opacity)
 
 
 def draw_dots(picture: Bytes, places: Array, radius: float, color: Color) -> None:
-    """Fill anti-aliased circles of a radius (pixels) around places (n, 2) of the picture, strip by strip."""
-    height, across = picture.shape[:2]
-    for top in range(0, height, STRIP_ROWS):
-        rows = min(STRIP_ROWS, height - top)
-        touching = places[(places[:, 1] >= top - radius) & (places[:, 1] <= top + rows + radius)]
-        if not len(touching):
-            continue
-        left, right = _columns(touching, 2.0 * radius, across)
-        ink = Image.new("L", ((right - left) * SUPERSAMPLING, rows * SUPERSAMPLING))
-        pen = ImageDraw.Draw(ink)
-        for x, y in (touching + 0.5 - (left, top)) * SUPERSAMPLING - 0.5:
-            reach = radius * SUPERSAMPLING
-            pen.ellipse((float(x - reach), float(y - reach), float(x + reach), float(y + reach)), fill=255)
-        _blend(picture[top : top + rows, left:right], np.asarray(ink.reduce(SUPERSAMPLING)), color, 1.0)
+    """Fill anti-aliased circles of a radius (pixels) around places (n, 2) of the picture, in place."""
+    _draw_discs(picture, places, radius, color, 1.0)
 
 
-def _blend(area: Bytes, ink: Bytes, color: Color, opacity: float) -> None:
+def _draw_discs(picture: Bytes, places: Array, radius: float, color: Color, opacity: float) -> None:
+    """Blend the union of discs into what of the picture they touch."""
+    sizes = np.array(picture.shape[1::-1])
+    reach = radius + 0.5
+    places = places[((places > -reach) & (places < sizes - 1 + reach)).all(axis=1)]
+    if not len(places):
+        return
+    left, top = np.maximum(np.ceil(places.min(axis=0) - reach), 0).astype(np.intp)
+    right, bottom = np.minimum(np.floor(places.max(axis=0) + reach) + 1, sizes).astype(np.intp)
+    area = picture[top:bottom, left:right]
+    ink = _discs(places - (left, top), radius, (bottom - top, right - left))
     rows, columns = np.nonzero(ink)
     fraction = (ink[rows, columns] * np.float32(opacity / 255.0))[:, None]
     area[rows, columns] = np.round(
         area[rows, columns] * (1.0 - fraction) + np.array(color, dtype=np.float32) * fraction
     )
+
+
+def _discs(places: Array, radius: float, shape: tuple[int, int]) -> Bytes:
+    """How much of each pixel (h, w) the discs around places (n, 2) cover, of 255: of the one that covers most of it."""
+    ink = np.zeros(shape, dtype=np.uint8)
+    offsets = np.arange(int(2.0 * radius) + 2)
+    step = max(1, PIXELS_AT_ONCE // len(offsets) ** 2)
+    for start in range(0, len(places), step):
+        some = places[start : start + step]
+        corners = np.ceil(some - (radius + 0.5))
+        columns, rows = np.moveaxis(corners.astype(np.int32)[:, :, None] + offsets, 1, 0)
+        across, down = np.moveaxis((corners - some).astype(np.float32)[:, :, None] + offsets.astype(np.float32), 1, 0)
+        distances = np.sqrt(down[:, :, None] ** 2 + across[:, None, :] ** 2)
+        covered = np.clip((radius + 0.5 - distances) * np.float32(255.0), 0.0, 255.0).astype(np.uint8)
+        within = ((rows >= 0) & (rows < shape[0]))[:, :, None] & ((columns >= 0) & (columns < shape[1]))[:, None, :]
+        cells = rows[:, :, None] * np.int64(shape[1]) + columns[:, None, :]
+        touched = within & (covered > 0)
+        np.maximum.at(ink.reshape(-1), cells[touched], covered[touched])
+    return ink
 
 
 def font_for(picture: Bytes) -> Font:
