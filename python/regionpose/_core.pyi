@@ -36,6 +36,7 @@ __all__ = [
     "mesh_planar_moments",
     "mesh_spherical_moments",
     "nearest_edges",
+    "outline_sums",
     "pixel_moments",
     "planar_moments",
     "plane_rings",
@@ -84,6 +85,13 @@ def mask_contours(
 
 def flood_levels(levels: NDArray[np.uint16], start: tuple[int, int]) -> NDArray[np.uint16]:
     """The least level (h, w) at which a flood from a start (row, column) arrives at each pixel of levels (h, w)."""
+
+def outline_sums(
+    arrivals: NDArray[np.uint16], colors: NDArray[np.float32], count: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Sums of the contrast across, and numbers of pixel edges, (count,) each, on the outlines of the regions
+    {arrivals (h, w) <= k} of a picture of colors (h, w, 3).
+    """
 
 def png_bytes(picture: NDArray[np.uint8]) -> bytes:
     """The bytes of a PNG file of a picture (h, w, 3)."""

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 from scipy import ndimage
-from skimage.color import rgb2lab
 
 from regionpose import _core
 from regionpose.segment.medians import disc_median
-from regionpose.segment.outlining import Growth, Reduced, as_bytes, outlined
+from regionpose.segment.outlining import Growth, Reduced, as_bytes, lab_of, outlined
 from regionpose.validation.arrays import Array, checked_levels, sample_bits
 from regionpose.validation.content import Content
 
@@ -217,7 +216,7 @@ def _reduced(image: NDArray[np.generic], smoothing: float | None) -> Reduced:
     pixels = SMOOTHING_FRACTION * float(np.hypot(height, width)) if smoothing is None else smoothing
     radius = round(pixels / factor)
     smooth = disc_median(levels, radius)
-    return Reduced(levels, rgb2lab(smooth).astype(np.float32), factor, radius)
+    return Reduced(levels, lab_of(smooth), factor, radius)
 
 
 def _start(reduced: Reduced, seed: tuple[float, float]) -> tuple[int, int]:
@@ -258,7 +257,8 @@ def _stepped(lab: Floats, start: tuple[int, int], color: Floats) -> tuple[Steps,
 
 def _distances(lab: Floats, start: tuple[int, int], color: Floats) -> Floats:
     """Distances of the pixels' colors from one, none of the start's."""
-    distances = np.asarray(np.linalg.norm(lab - color, axis=2), dtype=np.float32)
+    apart = lab - np.asarray(color, dtype=np.float32)
+    distances: Floats = np.sqrt(np.einsum("ijk,ijk->ij", apart, apart))
     distances[start] = 0.0
     return distances
 
@@ -278,19 +278,10 @@ def _steps(distances: Floats, start: tuple[int, int]) -> Steps:
 
 
 def _scores(steps: Steps, lab: Floats) -> Array:
-    """Score of the region {steps <= k} for every k: contrast on the outline, times compactness, less for growth.
-
-    Every pair of neighbors lies on the outlines from the smaller step of the two to the larger, so that one pass over
-    the pairs adds up all outlines.
-    """
+    """Score of the region {steps <= k} for every k: contrast on the outline, times compactness, less for growth."""
     count = int(LARGEST_TOLERANCE / TOLERANCE_STEP) + 1
     area = np.cumsum(np.bincount(steps.ravel(), minlength=count + 1))[:count]
-    contrast, length = np.zeros(count + 1), np.zeros(count + 1)
-    for axis in (0, 1):
-        inner, outer, across = _outline_pairs(np.moveaxis(steps, axis, 0), np.moveaxis(lab, axis, 0))
-        for sums, weights in ((contrast, across), (length, np.ones(len(across)))):
-            sums += np.bincount(inner, weights, count + 1) - np.bincount(outer, weights, count + 1)
-    total, edges = np.cumsum(contrast)[:count], np.cumsum(length)[:count]
+    total, edges = _core.outline_sums(steps, lab, count)
     # Pixel edges overstate the length of an outline by 4 / pi on average over its directions.
     compactness = np.minimum(np.sqrt(4.0 * np.pi * area) / np.maximum(edges * np.pi / 4.0, 1.0), 1.0)
     index = np.arange(count)
@@ -300,12 +291,3 @@ def _scores(steps: Steps, lab: Floats) -> Array:
     within = (area >= SMALLEST_FRACTION * steps.size) & (area <= LARGEST_FRACTION * steps.size)
     return np.asarray(np.where(within, scores, 0.0) if within.any() else scores)
 
-
-def _outline_pairs(steps: Steps, lab: Floats) -> tuple[Steps, Steps, Array]:
-    """Neighbors along the first axis with different steps: both steps in order, and the contrast over three pixels."""
-    first, second = steps[:-1], steps[1:]
-    differs = first != second
-    beyond = np.concatenate([lab[2:], lab[-1:]])
-    before = np.concatenate([lab[:1], lab[:-2]])
-    across = np.linalg.norm(beyond[differs] - before[differs], axis=1)
-    return np.minimum(first, second)[differs], np.maximum(first, second)[differs], across

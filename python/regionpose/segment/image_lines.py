@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 from scipy import ndimage
-from skimage.color import rgb2lab
 
+from regionpose.segment.outlining import lab_of
 from regionpose.validation.arrays import Array
 
 Floats = NDArray[np.float32]
@@ -112,7 +112,7 @@ def window_around(image: NDArray[np.uint8], seed: tuple[float, float], half: flo
 
 def smooth_lab(values: NDArray[np.uint8]) -> Floats:
     """Colors (h, w, 3) in CIELAB, smoothed for gradients."""
-    return np.asarray(ndimage.gaussian_filter(rgb2lab(values).astype(np.float32), (BLUR_PX, BLUR_PX, 0.0)))
+    return np.asarray(ndimage.gaussian_filter(lab_of(values), (BLUR_PX, BLUR_PX, 0.0)))
 
 
 def edges_of(values: NDArray[np.uint8]) -> Edges:

@@ -1,6 +1,6 @@
-//! Contours of masks, and the flood that a mask grows by.
+//! Contours of masks, and the flood that a mask grows by, with its outlines.
 
-use numpy::{Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::internals::view::mask::{self, Mask, MaskContours, MaskValue};
@@ -50,6 +50,30 @@ pub fn flood_levels<'py>(
     let index = if start.1 < columns { start.0.saturating_mul(columns).saturating_add(start.1) } else { usize::MAX };
     let arrivals = py.detach(|| mask::flood_levels(&values, columns, index)).map_err(value_error)?;
     PyArray1::from_vec(py, arrivals).reshape([rows, columns])
+}
+
+/// Sums of the contrast across, and the numbers of pixel edges, (count,) each, on the outlines of the regions {arrivals <= k}, k from zero.
+///
+/// `arrivals` (h, w) as of `flood_levels`; `colors` (h, w, 3). ValueError for colors of another size.
+#[pyfunction]
+pub fn outline_sums<'py>(
+    arrivals: PyReadonlyArray2<'py, u16>,
+    colors: PyReadonlyArray3<'py, f32>,
+    count: usize,
+) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
+    let (py, columns) = (arrivals.py(), arrivals.shape()[1]);
+    if colors.shape()[..2] != *arrivals.shape() {
+        return Err(PyValueError::new_err(format!(
+            "colors has the shape {:?}; needed that of arrivals, {:?}, and three",
+            colors.shape(),
+            arrivals.shape()
+        )));
+    }
+    let steps: Vec<u16> = arrivals.as_array().iter().copied().collect();
+    let values: Vec<f32> = colors.as_array().iter().copied().collect();
+    let (contrasts, lengths) =
+        py.detach(|| mask::outline_sums(&steps, &values, columns, count)).map_err(value_error)?;
+    Ok((PyArray1::from_vec(py, contrasts), PyArray1::from_vec(py, lengths)))
 }
 
 /// The contours of a mask of this type; `None` for one of another.

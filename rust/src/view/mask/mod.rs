@@ -1,10 +1,11 @@
-//! From a mask to the rings that bound its region; and the flood that a mask grows by (`flood`).
+//! From a mask to the rings that bound its region; and the flood that a mask grows by (`flood`), with the outlines of its levels (`outlines`).
 //!
 //! One pass over the mask (`scan`) finds its values, the window that holds them and each row's runs; what follows costs
 //! as much as the contour is long: marching squares between the rows' runs (`trace`), then redundant vertices go
 //! (`thinning`).
 
 mod flood;
+mod outlines;
 mod pixels;
 mod scan;
 mod thinning;
@@ -20,6 +21,7 @@ use crate::geometry::rings::PlaneRings;
 use scan::Scan;
 
 pub use flood::flood_levels;
+pub use outlines::outline_sums;
 pub use pixels::{CONTOUR_LEVEL, Mask, MaskValue};
 
 /// Area and contours of a mask's region.
