@@ -88,7 +88,7 @@ def flood_levels(levels: NDArray[np.uint16], start: tuple[int, int]) -> NDArray[
 
 def outline_sums(
     arrivals: NDArray[np.uint16], colors: NDArray[np.float32], count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> list[NDArray[np.float64]]:
     """Sums of the contrast across, and numbers of pixel edges, (count,) each, on the outlines of the regions
     {arrivals (h, w) <= k} of a picture of colors (h, w, 3).
     """

@@ -290,4 +290,3 @@ def _scores(steps: Steps, lab: Floats) -> Array:
     scores = total / np.maximum(edges, 1.0) * np.sqrt(compactness) / (1.0 + GROWTH_PENALTY * growth)
     within = (area >= SMALLEST_FRACTION * steps.size) & (area <= LARGEST_FRACTION * steps.size)
     return np.asarray(np.where(within, scores, 0.0) if within.any() else scores)
-

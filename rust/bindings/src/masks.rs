@@ -60,7 +60,7 @@ pub fn outline_sums<'py>(
     arrivals: PyReadonlyArray2<'py, u16>,
     colors: PyReadonlyArray3<'py, f32>,
     count: usize,
-) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
+) -> PyResult<[Bound<'py, PyArray1<f64>>; 2]> {
     let (py, columns) = (arrivals.py(), arrivals.shape()[1]);
     if colors.shape()[..2] != *arrivals.shape() {
         return Err(PyValueError::new_err(format!(
@@ -73,7 +73,7 @@ pub fn outline_sums<'py>(
     let values: Vec<f32> = colors.as_array().iter().copied().collect();
     let (contrasts, lengths) =
         py.detach(|| mask::outline_sums(&steps, &values, columns, count)).map_err(value_error)?;
-    Ok((PyArray1::from_vec(py, contrasts), PyArray1::from_vec(py, lengths)))
+    Ok([contrasts, lengths].map(|sums| PyArray1::from_vec(py, sums)))
 }
 
 /// The contours of a mask of this type; `None` for one of another.
