@@ -26,6 +26,7 @@ __all__ = [
     "blurred",
     "bridging_gap",
     "cells_along",
+    "color_levels",
     "contour_pieces",
     "edge_spreads",
     "estimate_batch",
@@ -83,12 +84,13 @@ def mask_contours(
 ) -> tuple[list[NDArray[np.float64]], tuple[int, int, int, int], bool]:
     """Rings (n, 2) of a mask (h, w), its window (left, top, right, bottom), and whether it is binary."""
 
+def color_levels(colors: NDArray[np.float32], color: Sequence[float], step: float, most: int) -> NDArray[np.uint16]:
+    """How many steps (h, w) the colors (h, w, 3) lie from one (3,), rounded up, no more than `most`."""
+
 def flood_levels(levels: NDArray[np.uint16], start: tuple[int, int]) -> NDArray[np.uint16]:
     """The least level (h, w) at which a flood from a start (row, column) arrives at each pixel of levels (h, w)."""
 
-def outline_sums(
-    arrivals: NDArray[np.uint16], colors: NDArray[np.float32], count: int
-) -> list[NDArray[np.float64]]:
+def outline_sums(arrivals: NDArray[np.uint16], colors: NDArray[np.float32], count: int) -> list[NDArray[np.float64]]:
     """Sums of the contrast across, and numbers of pixel edges, (count,) each, on the outlines of the regions
     {arrivals (h, w) <= k} of a picture of colors (h, w, 3).
     """

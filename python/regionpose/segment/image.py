@@ -240,7 +240,8 @@ def _grown(reduced: Reduced, seed: tuple[float, float], tolerance: float | None)
 def _region_around(lab: Floats, start: tuple[int, int], color: Floats, tolerance: float | None) -> Growth:
     """The connected region within a tolerance of a color."""
     if tolerance is not None:
-        within = np.asarray(_distances(lab, start, color) <= tolerance)
+        within = np.asarray(np.linalg.norm(lab - color, axis=2) <= tolerance)
+        within[start] = True
         return Growth(_connected(within, start), color, tolerance, 0.0)
     steps, scores = _stepped(lab, start, color)
     good = np.flatnonzero(scores >= GOOD_FRACTION * scores.max())
@@ -251,16 +252,8 @@ def _region_around(lab: Floats, start: tuple[int, int], color: Floats, tolerance
 
 def _stepped(lab: Floats, start: tuple[int, int], color: Floats) -> tuple[Steps, Array]:
     """The step of the tolerance at which growth arrives at each pixel, and the score of the region of each step."""
-    steps = _steps(_distances(lab, start, color), start)
+    steps = _steps(lab, start, color)
     return steps, _scores(steps, lab)
-
-
-def _distances(lab: Floats, start: tuple[int, int], color: Floats) -> Floats:
-    """Distances of the pixels' colors from one, none of the start's."""
-    apart = lab - np.asarray(color, dtype=np.float32)
-    distances: Floats = np.sqrt(np.einsum("ijk,ijk->ij", apart, apart))
-    distances[start] = 0.0
-    return distances
 
 
 def _connected(mask: Mask, start: tuple[int, int]) -> Mask:
@@ -269,12 +262,13 @@ def _connected(mask: Mask, start: tuple[int, int]) -> Mask:
     return np.asarray(labels == labels[start])
 
 
-def _steps(distances: Floats, start: tuple[int, int]) -> Steps:
+def _steps(lab: Floats, start: tuple[int, int], color: Floats) -> Steps:
     """The tolerance at which growth from a start arrives at each pixel, in steps; too large ones by one beyond the
     last.
     """
-    last = LARGEST_TOLERANCE / TOLERANCE_STEP + 1
-    return _core.flood_levels(np.minimum(np.ceil(distances / TOLERANCE_STEP), last).astype(np.uint16), start)
+    levels = _core.color_levels(lab, color.tolist(), TOLERANCE_STEP, int(LARGEST_TOLERANCE / TOLERANCE_STEP) + 1)
+    levels[start] = 0
+    return _core.flood_levels(levels, start)
 
 
 def _scores(steps: Steps, lab: Floats) -> Array:

@@ -28,7 +28,7 @@ mod _core {
     #[pymodule_export]
     use crate::interrupts::work_counter;
     #[pymodule_export]
-    use crate::masks::{flood_levels, mask_contours, outline_sums};
+    use crate::masks::{color_levels, flood_levels, mask_contours, outline_sums};
     #[pymodule_export]
     use crate::mesh::{alpha_shape, bridging_gap, even_mesh, even_spacing, plane_rings, triangulate};
     #[pymodule_export]

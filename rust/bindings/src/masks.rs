@@ -1,6 +1,10 @@
 //! Contours of masks, and the flood that a mask grows by, with its outlines.
 
-use numpy::{Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
+use numpy::ndarray::Dimension;
+use numpy::{
+    Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray, PyReadonlyArray2, PyReadonlyArray3,
+    PyUntypedArrayMethods,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use regionpose::internals::view::mask::{self, Mask, MaskContours, MaskValue};
@@ -52,6 +56,22 @@ pub fn flood_levels<'py>(
     PyArray1::from_vec(py, arrivals).reshape([rows, columns])
 }
 
+/// How many steps (h, w) the colors (h, w, 3) lie from one, rounded up, no more than `most`.
+#[pyfunction]
+pub fn color_levels<'py>(
+    colors: PyReadonlyArray3<'py, f32>,
+    color: [f32; 3],
+    step: f32,
+    most: u16,
+) -> PyResult<Bound<'py, PyArray2<u16>>> {
+    let &[rows, columns, channels] = colors.shape() else { unreachable!("three axes by its type") };
+    if channels != 3 {
+        return Err(PyValueError::new_err(format!("colors has {channels} channels; needed three")));
+    }
+    let levels = mask::color_levels(contiguous("colors", &colors)?, color, step, most);
+    PyArray1::from_vec(colors.py(), levels).reshape([rows, columns])
+}
+
 /// Sums of the contrast across, and the numbers of pixel edges, (count,) each, on the outlines of the regions {arrivals <= k}, k from zero.
 ///
 /// `arrivals` (h, w) as of `flood_levels`; `colors` (h, w, 3). ValueError for colors of another size.
@@ -61,7 +81,6 @@ pub fn outline_sums<'py>(
     colors: PyReadonlyArray3<'py, f32>,
     count: usize,
 ) -> PyResult<[Bound<'py, PyArray1<f64>>; 2]> {
-    let (py, columns) = (arrivals.py(), arrivals.shape()[1]);
     if colors.shape()[..2] != *arrivals.shape() {
         return Err(PyValueError::new_err(format!(
             "colors has the shape {:?}; needed that of arrivals, {:?}, and three",
@@ -69,11 +88,16 @@ pub fn outline_sums<'py>(
             arrivals.shape()
         )));
     }
-    let steps: Vec<u16> = arrivals.as_array().iter().copied().collect();
-    let values: Vec<f32> = colors.as_array().iter().copied().collect();
-    let (contrasts, lengths) =
-        py.detach(|| mask::outline_sums(&steps, &values, columns, count)).map_err(value_error)?;
-    Ok([contrasts, lengths].map(|sums| PyArray1::from_vec(py, sums)))
+    let (steps, values) = (contiguous("arrivals", &arrivals)?, contiguous("colors", &colors)?);
+    let (contrasts, lengths) = mask::outline_sums(steps, values, arrivals.shape()[1], count).map_err(value_error)?;
+    Ok([contrasts, lengths].map(|sums| PyArray1::from_vec(colors.py(), sums)))
+}
+
+/// An array's values in its memory.
+///
+/// The interpreter's lock is kept while they are used: nothing else may write into what is not copied.
+fn contiguous<'a, T: Element, D: Dimension>(name: &str, array: &'a PyReadonlyArray<'_, T, D>) -> PyResult<&'a [T]> {
+    array.as_slice().map_err(|_| PyValueError::new_err(format!("{name} is not contiguous")))
 }
 
 /// The contours of a mask of this type; `None` for one of another.

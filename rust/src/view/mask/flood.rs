@@ -18,28 +18,48 @@ pub fn flood_levels(levels: &[u16], columns: usize, start: usize) -> Result<Vec<
             needed: "whole rows that hold it".into(),
         });
     }
-    let rows = levels.len() / columns;
+    // Within a border that is reached from the beginning, all pixels have eight others around them.
+    let width = columns + 2;
+    let framed = |pixel: usize| (pixel / columns + 1) * width + pixel % columns + 1;
+    let mut arrivals = vec![0; (levels.len() / columns + 2) * width];
+    let mut is_reached = vec![true; arrivals.len()];
+    for (row, values) in levels.chunks_exact(columns).enumerate() {
+        let inside = framed(row * columns)..framed(row * columns) + columns;
+        arrivals[inside.clone()].copy_from_slice(values);
+        is_reached[inside].fill(false);
+    }
     let most = usize::from(levels.iter().copied().max().unwrap_or(0));
-    let (mut arrivals, mut is_reached) = (levels.to_vec(), vec![false; levels.len()]);
     let mut queues: Vec<Vec<usize>> = vec![Vec::new(); most + 1];
-    queues[usize::from(levels[start])].push(start);
-    is_reached[start] = true;
+    queues[usize::from(levels[start])].push(framed(start));
+    is_reached[framed(start)] = true;
     for level in levels[start]..=most as u16 {
         while let Some(pixel) = queues[usize::from(level)].pop() {
-            let (row, column) = (pixel / columns, pixel % columns);
-            for row in row.saturating_sub(1)..(row + 2).min(rows) {
-                for column in column.saturating_sub(1)..(column + 2).min(columns) {
-                    let other = row * columns + column;
+            let first = pixel - width - 1;
+            for row in [first, first + width, first + 2 * width] {
+                for other in row..row + 3 {
                     if !is_reached[other] {
                         is_reached[other] = true;
-                        arrivals[other] = levels[other].max(level);
+                        arrivals[other] = arrivals[other].max(level);
                         queues[usize::from(arrivals[other])].push(other);
                     }
                 }
             }
         }
     }
-    Ok(arrivals)
+    let rows = arrivals.chunks_exact(width).skip(1).take(levels.len() / columns);
+    Ok(rows.flat_map(|row| &row[1..=columns]).copied().collect())
+}
+
+/// How many steps each color (three of each pixel) lies from one, rounded up, no more than `most`.
+pub fn color_levels(colors: &[f32], from: [f32; 3], step: f32, most: u16) -> Vec<u16> {
+    let of = |color: &[f32]| {
+        let square: f32 = (0..3).map(|k| (color[k] - from[k]).powi(2)).sum();
+        let steps = (square.sqrt() / step).min(f32::from(most));
+        // `ceil` is a call where the machine's instructions are those of all.
+        let whole = steps as i32;
+        whole as u16 + u16::from(steps > whole as f32)
+    };
+    colors.chunks_exact(3).map(of).collect()
 }
 
 #[cfg(test)]
@@ -65,6 +85,12 @@ mod tests {
                 return arrivals;
             }
         }
+    }
+
+    #[test]
+    fn levels_are_steps_of_distance_rounded_up() {
+        let colors = [0.0, 0.0, 0.0, 3.0, 4.0, 0.0, 0.0, 0.0, 5.1, 60.0, 0.0, 0.0];
+        assert_eq!(color_levels(&colors, [0.0; 3], 1.0, 50), [0, 5, 6, 50]);
     }
 
     proptest! {

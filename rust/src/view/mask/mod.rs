@@ -20,7 +20,7 @@ use crate::error::{Error, Result};
 use crate::geometry::rings::PlaneRings;
 use scan::Scan;
 
-pub use flood::flood_levels;
+pub use flood::{color_levels, flood_levels};
 pub use outlines::outline_sums;
 pub use pixels::{CONTOUR_LEVEL, Mask, MaskValue};
 
