@@ -314,7 +314,7 @@ fn most_turns_of_a_bitten_hexagon_are_answers() {
     assert!(found >= 16, "{found} of 20 turns");
 }
 
-/// Chance leaves another answer to 3 of the 80 such shapes of seeds 0 to 79.
+/// Chance leaves another answer to 2 of the 80 such shapes of seeds 0 to 79.
 #[test]
 fn a_bitten_shape_without_symmetry_mostly_has_one_answer() {
     let mut ambiguous = Vec::new();

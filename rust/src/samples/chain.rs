@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use nalgebra::{Matrix2, SMatrix, Vector2};
 
 use super::quadrature::ENDS;
-use super::segment::{ContourSegment, DILATED, STATES, StateMoments};
+use super::segment::{ContourSegment, DILATED, STATES, SegmentMoments, StateMoments};
 use crate::math::gaussian::{Gaussian, Normal};
 
 /// Components of a corner: its offset along the axes of the contour's plane, pixels.
@@ -23,6 +23,10 @@ const ENDED: usize = BEGUN + CORNER;
 /// Standard deviation of independent noise of either end, pixels: far below any offset, it gives ends a density that no component moves
 /// apart.
 const END_NOISE: f64 = 1e-3;
+
+/// Moments of a ring's segments with samples, in each state, and the logarithm of the scale that makes the ring's factor integrate to
+/// the labels' probability.
+pub(super) type RingMoments = (Vec<[StateMoments; STATES]>, f64);
 
 /// A closed ring of contour segments.
 #[derive(Debug, Clone)]
@@ -57,17 +61,26 @@ impl SegmentRing {
         Some(product - *cavity)
     }
 
-    /// Moments of each segment with samples, with this cavity of increment and dilation, and the logarithm of the scale that makes the
-    /// ring's factor integrate to the labels' probability.
-    pub(super) fn moments(&mut self, cavity: &Gaussian<DILATED>) -> Option<(Vec<[StateMoments; STATES]>, f64)> {
-        let (mut moments, mut log_scale) = (Vec::with_capacity(self.segments.len()), 0.0);
+    /// Moments of its segments with this cavity of increment and dilation.
+    pub(super) fn moments(&mut self, cavity: &Gaussian<DILATED>) -> Option<RingMoments> {
+        let mut moments = Vec::with_capacity(self.segments.len());
         self.visit_segments(cavity, |segment, ends, states| {
-            let (of_states, log_integral) = segment.moments(ends, states)?;
-            moments.push(of_states);
-            log_scale -= log_integral;
+            moments.push(segment.moments(ends, states)?);
             Some(())
         })?;
-        Some((moments, log_scale + log_probability(&self.segments)))
+        Some(self.collected(moments))
+    }
+
+    /// The same of the segments' last updates, each with its cavity then; `None` where one has none.
+    pub(super) fn updated_moments(&self) -> Option<RingMoments> {
+        let segments = self.segments.iter().filter(|segment| !segment.members.is_empty());
+        Some(self.collected(segments.map(ContourSegment::updated_moments).collect::<Option<_>>()?))
+    }
+
+    fn collected(&self, moments: Vec<SegmentMoments>) -> RingMoments {
+        let log_integrals: f64 = moments.iter().map(|(_, log_integral)| log_integral).sum();
+        let of_states = moments.into_iter().map(|(of_states, _)| of_states).collect();
+        (of_states, log_probability(&self.segments) - log_integrals)
     }
 
     /// Its factor of increment and dilation: corners integrated out.

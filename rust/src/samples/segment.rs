@@ -51,7 +51,12 @@ pub struct ContourSegment {
     ends: SMatrix<f64, ENDS, DILATED>,
     /// The labels of its samples.
     labels: Vec<SegmentLabel>,
+    /// Its moments when its message was last updated with these labels.
+    updated: Option<SegmentMoments>,
 }
+
+/// Moments of a segment's ends in each state, and the logarithm of the integral of its message times its cavity.
+pub(super) type SegmentMoments = ([StateMoments; STATES], f64);
 
 /// The site of a segment: its message to the offsets of the ends and to the chain of states.
 #[derive(Debug, Clone, Copy)]
@@ -96,7 +101,17 @@ impl ContourSegment {
             message: Gaussian::default(),
             seeds: [None; STATES],
         };
-        Self { number, normal, length, members, states, site, ends: SMatrix::zeros(), labels: Vec::new() }
+        Self {
+            number,
+            normal,
+            length,
+            members,
+            states,
+            site,
+            ends: SMatrix::zeros(),
+            labels: Vec::new(),
+            updated: None,
+        }
     }
 
     /// Fits the derivative of its ends to the gradients of its samples by least squares, without those at corners if there are others.
@@ -127,6 +142,7 @@ impl ContourSegment {
             SegmentLabel { margin: site.margin, weights, variance, edge: site.edge, model: site.model }
         };
         self.labels = self.members.iter().map(label).collect();
+        self.updated = None;
     }
 
     /// Derivative of its ends' outward offsets by increment and dilation.
@@ -173,20 +189,29 @@ impl ContourSegment {
         let covariance: Matrix2<f64> = parts().map(|(weight, state)| spread(&state.without_offsets) * *weight).sum();
         let message = matching_factor(&cavity.density()?, &mean, &covariance)?;
         let is_finite = message.information.iter().chain(&message.information_vector).all(|entry| entry.is_finite());
-        is_finite.then(|| self.site.message = message)
+        if is_finite {
+            self.site.message = message;
+        }
+        self.updated = Some((moments, self.log_integral(&cavity)?));
+        is_finite.then_some(())
     }
 
-    /// Moments in each state, and the logarithm of the integral of the message times the cavity.
-    pub(super) fn moments(
-        &mut self,
-        ends: &Normal<ENDS>,
-        states: &[f64; STATES],
-    ) -> Option<([StateMoments; STATES], f64)> {
+    /// The moments of the last update with its labels.
+    pub(super) fn updated_moments(&self) -> Option<SegmentMoments> {
+        self.updated
+    }
+
+    /// Moments with this distribution of the ends by all messages and these cavity probabilities of the states.
+    pub(super) fn moments(&mut self, ends: &Normal<ENDS>, states: &[f64; STATES]) -> Option<SegmentMoments> {
         let cavity = self.cavity(ends)?;
         let moments = self.state_moments(&cavity)?;
-        let (_, log_integral) = (cavity.density()? + self.site.message).normalize()?;
         self.set_state_posterior(&moments, states);
-        Some((moments, log_integral))
+        Some((moments, self.log_integral(&cavity)?))
+    }
+
+    /// Logarithm of the integral of the message times a cavity distribution.
+    fn log_integral(&self, cavity: &Normal<ENDS>) -> Option<f64> {
+        Some((cavity.density()? + self.site.message).normalize()?.1)
     }
 
     /// Posteriors of its labels over all states, each with the probability that the segment is disturbed.
