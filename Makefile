@@ -8,7 +8,7 @@ SEED := 0
 NOISE_FREE := --planes 1,3 --side 2d --noise 0 --masks binary,coverage --scenes 50 --no-plots --force
 SOURCES := $(shell find rust -name '*.rs' -o -name Cargo.toml | grep -v /target/) Cargo.toml pyproject.toml
 
-.PHONY: demo test test-fast lint fuzz soak docs bench packages clean
+.PHONY: demo test test-fast lint lint-rust lint-python fuzz soak docs bench packages clean
 
 demo: $(STAMP)
 	$(BIN)/regionpose demo --out demo --force
@@ -22,13 +22,18 @@ test-fast: $(STAMP)
 	cargo test --all-features --quiet
 	$(BIN)/python -m pytest -n 2 -m 'not slow'
 
-lint: $(STAMP)
+# Two targets, which `make --jobs=2` checks beside one another.
+lint: lint-rust lint-python
+
+lint-rust: $(STAMP)
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --all-features --quiet -- -D warnings
 	for features in "" alignment batch mesh serde; do \
 	    cargo clippy --quiet --no-default-features --features "$$features" -- -D warnings || exit 1; \
 	done
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --all-features --quiet
+
+lint-python: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
