@@ -22,7 +22,7 @@ test-fast: $(STAMP)
 	cargo test --all-features --quiet
 	$(BIN)/python -m pytest -n 2 -m 'not slow'
 
-# Two targets, which `make --jobs=2` checks beside one another.
+# Two targets, which `make --jobs` checks beside one another.
 lint: lint-rust lint-python
 
 lint-rust: $(STAMP)
