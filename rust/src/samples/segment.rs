@@ -51,7 +51,7 @@ pub struct ContourSegment {
     ends: SMatrix<f64, ENDS, DILATED>,
     /// The labels of its samples.
     labels: Vec<SegmentLabel>,
-    /// Its moments when its message was last updated with these labels.
+    /// Its moments when its message was last updated, with these labels.
     updated: Option<SegmentMoments>,
 }
 
@@ -180,6 +180,7 @@ impl ContourSegment {
     /// Updates the message by moment matching (eq. 17.10), where all messages give the ends this distribution and the states these cavity
     /// probabilities. The message stays as it is, with `None`, where there is no proper one.
     pub(super) fn update(&mut self, ends: &Normal<ENDS>, states: &[f64; STATES]) -> Option<()> {
+        self.updated = None;
         let cavity = self.cavity(ends)?;
         let moments = self.state_moments(&cavity)?;
         self.set_state_posterior(&moments, states);
@@ -189,14 +190,15 @@ impl ContourSegment {
         let covariance: Matrix2<f64> = parts().map(|(weight, state)| spread(&state.without_offsets) * *weight).sum();
         let message = matching_factor(&cavity.density()?, &mean, &covariance)?;
         let is_finite = message.information.iter().chain(&message.information_vector).all(|entry| entry.is_finite());
-        if is_finite {
-            self.site.message = message;
+        if !is_finite {
+            return None;
         }
+        self.site.message = message;
         self.updated = Some((moments, self.log_integral(&cavity)?));
-        is_finite.then_some(())
+        Some(())
     }
 
-    /// The moments of the last update with its labels.
+    /// The moments of the last update with its labels; `None` where that found no proper message.
     pub(super) fn updated_moments(&self) -> Option<SegmentMoments> {
         self.updated
     }
