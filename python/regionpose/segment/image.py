@@ -38,6 +38,9 @@ LARGEST_TOLERANCE = 40.0
 TOLERANCE_STEP = 0.15
 """CIELAB units between tolerances that are compared, far below a visible difference (about 2)."""
 
+TOLERANCES = int(LARGEST_TOLERANCE / TOLERANCE_STEP) + 1
+"""How many are compared, from zero."""
+
 STABILITY_SPAN = 8
 """Steps of the tolerance on both sides over which the growth of the area is taken."""
 
@@ -266,20 +269,19 @@ def _steps(lab: Floats, start: tuple[int, int], color: Floats) -> Steps:
     """The tolerance at which growth from a start arrives at each pixel, in steps; too large ones by one beyond the
     last.
     """
-    levels = _core.color_levels(lab, color.tolist(), TOLERANCE_STEP, int(LARGEST_TOLERANCE / TOLERANCE_STEP) + 1)
+    levels = _core.color_levels(lab, color.tolist(), TOLERANCE_STEP, TOLERANCES)
     levels[start] = 0
     return _core.flood_levels(levels, start)
 
 
 def _scores(steps: Steps, lab: Floats) -> Array:
     """Score of the region {steps <= k} for every k: contrast on the outline, times compactness, less for growth."""
-    count = int(LARGEST_TOLERANCE / TOLERANCE_STEP) + 1
-    area = np.cumsum(np.bincount(steps.ravel(), minlength=count + 1))[:count]
-    total, edges = _core.outline_sums(steps, lab, count)
+    area = np.cumsum(np.bincount(steps.ravel(), minlength=TOLERANCES + 1))[:TOLERANCES]
+    total, edges = _core.outline_sums(steps, lab, TOLERANCES)
     # Pixel edges overstate the length of an outline by 4 / pi on average over its directions.
     compactness = np.minimum(np.sqrt(4.0 * np.pi * area) / np.maximum(edges * np.pi / 4.0, 1.0), 1.0)
-    index = np.arange(count)
-    wider, narrower = np.minimum(index + STABILITY_SPAN, count - 1), np.maximum(index - STABILITY_SPAN, 0)
+    index = np.arange(TOLERANCES)
+    wider, narrower = np.minimum(index + STABILITY_SPAN, TOLERANCES - 1), np.maximum(index - STABILITY_SPAN, 0)
     growth = (area[wider] - area[narrower]) / np.maximum(area, 1)
     scores = total / np.maximum(edges, 1.0) * np.sqrt(compactness) / (1.0 + GROWTH_PENALTY * growth)
     within = (area >= SMALLEST_FRACTION * steps.size) & (area <= LARGEST_FRACTION * steps.size)

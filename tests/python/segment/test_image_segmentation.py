@@ -282,6 +282,24 @@ def test_a_flood_from_elsewhere_is_refused(start: tuple[int, int]) -> None:
         _core.flood_levels(np.zeros((3, 4), dtype=np.uint16), start)
 
 
+@pytest.mark.parametrize("shape", [(3, 4, 2), (4, 3, 3), (3, 4, 4)])
+def test_colors_of_another_shape_are_refused(shape: tuple[int, ...]) -> None:
+    colors, arrivals = np.zeros(shape, dtype=np.float32), np.zeros((3, 4), dtype=np.uint16)
+    with pytest.raises(ValueError, match="color"):
+        _core.outline_sums(arrivals, colors, 5)
+    if shape[2] != 3:
+        with pytest.raises(ValueError, match="channels"):
+            _core.color_levels(colors, [0.0, 0.0, 0.0], 1.0, 5)
+
+
+def test_colors_whose_rows_do_not_follow_one_another_are_refused() -> None:
+    colors, arrivals = np.zeros((4, 3, 3), dtype=np.float32), np.zeros((3, 4), dtype=np.uint16)
+    with pytest.raises(ValueError, match="contiguous"):
+        _core.color_levels(colors.transpose(1, 0, 2), [0.0, 0.0, 0.0], 1.0, 5)
+    with pytest.raises(ValueError, match="contiguous"):
+        _core.outline_sums(arrivals, colors.transpose(1, 0, 2), 5)
+
+
 @pytest.mark.parametrize("seed", [(1, 2, 3), (1,), "ab", None, 5])
 def test_seed_that_is_no_pixel(seed: object) -> None:
     with pytest.raises(ValueError, match=r"seed is .*; needed a pixel \(x, y\)"):
