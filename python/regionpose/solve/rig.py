@@ -110,7 +110,8 @@ def estimate_rig(
             rig = replace(rig, camera=refinement.camera)
             near = rig if rig.prior.initial is not None else rig.started_at(refinement.pose)
             estimate = near.joint(listed)
-    found = rig.scattered(listed, estimate)
+    factors = rig.factors(listed, estimate)
+    found = None if factors is None else factors.together(listed)
     if found is not None:
         pose = estimate.pose.retract(found.increment)
         # Errors of the calibration are the same in all frames.
@@ -123,7 +124,7 @@ def estimate_rig(
         # How far frames are off cannot be estimated.
         options = replace(options, driver=rig.solver.driver)
         estimate = replace(rig.started_at(estimate.pose), solver=options).joint(listed)
-    leave_one_out = rig.leave_one_out(listed, estimate.pose)
+    leave_one_out = rig.leave_one_out(listed, estimate.pose, factors)
     fits = RigDiagnostics(
         camera=rig.camera,
         frames=_frame_fits(rig.camera, listed, estimate),
@@ -131,8 +132,44 @@ def estimate_rig(
         between_frame_sigma=None if found is None else found.between_frame_sigma,
         refinement=refinement,
     )
-    warnings = (*estimate.warnings, *rig.outlier_warnings(listed, leave_one_out), *_camera_warnings(refinement))
+    warnings = (
+        *estimate.warnings,
+        *rig.outlier_warnings(listed, leave_one_out, factors),
+        *_camera_warnings(refinement),
+    )
     return replace(estimate, warnings=warnings, diagnostics=replace(estimate.diagnostics, rig=fits))
+
+
+@dataclass(frozen=True)
+class _FrameFactors:
+    """What each frame by itself says of the pose, about the joint one.
+
+    `known`: what else is known, which leaves no direction free. `own`: the factors of the frames that have one, by
+    name.
+    """
+
+    joint: Pose
+    known: Factor
+    own: Mapping[str, Factor]
+
+    def of(self, frames: Sequence[Frame]) -> list[Factor]:
+        """The factors of these frames."""
+        return [self.own[frame.name] for frame in frames if frame.name in self.own]
+
+    def together(self, frames: Sequence[Frame]) -> Scattered | None:
+        """The increment to the pose of these frames; None where fewer than two have a factor."""
+        factors = self.of(frames)
+        return scattered(factors, self.known) if len(factors) > 1 else None
+
+    def pose_of(self, frames: Sequence[Frame]) -> tuple[Pose, Array]:
+        """The pose of these frames and its covariance (6, 6)."""
+        found = self.together(frames)
+        if found is not None:
+            return self.joint.retract(found.increment), found.covariance
+        # A single frame says nothing of how far frames scatter.
+        information, vector = (sum(parts) for parts in zip(self.known, *self.of(frames), strict=True))
+        covariance = np.linalg.inv(information)
+        return self.joint.retract(covariance @ vector), covariance
 
 
 @dataclass(frozen=True)
@@ -165,50 +202,33 @@ class _Rig:
                 return ValueError(f"{frame.name}: {own}")
         return error
 
-    def scattered(self, frames: Sequence[Frame], joint: PoseEstimate) -> Scattered | None:
-        """The pose that allows for errors of whole frames, at the place of the joint one; None where fewer than two
-        frames have a pose of their own there, what these hold does not add up to the joint one, or that one leaves a
-        direction free.
+    def factors(self, frames: Sequence[Frame], joint: PoseEstimate) -> _FrameFactors | None:
+        """The frames' factors at the place of the joint pose; None where fewer than two frames have a pose of their own
+        there, what these hold does not add up to the joint one, or that one leaves a direction free.
         """
         distance = float(np.linalg.norm(joint.pose.transform(_middle(frames))))
         deviations = ANOTHER_PLACE * np.array([1.0, 1.0, 1.0, distance, distance, distance])
         if len(frames) < 2 or not np.isfinite(joint.covariance).all():
             return None
-        own = [self._factor(frame, joint, deviations) for frame in frames]
-        factors = [factor for factor in own if factor is not None]
-        if len(factors) < 2:
+        own = {frame.name: self._factor(frame, joint, deviations) for frame in frames}
+        held = {name: factor for name, factor in own.items() if factor is not None}
+        if len(held) < 2:
             return None
         known = Factor.about(deviations)
         if any(_is_sampled(frame) for frame in frames):
             # Outlines' poses know nothing of the prior but which of them it leaves.
             prior = self.prior.core.gaussian(joint.pose.rotation_matrix, joint.pose.translation)
             known = Factor(*(ours + given for ours, given in zip(known, prior, strict=True)))
-        together = np.linalg.inv(known.information + sum(factor.information for factor in factors))
+        together = np.linalg.inv(known.information + sum(factor.information for factor in held.values()))
         wider = np.linalg.eigvals(np.linalg.pinv(joint.covariance, hermitian=True) @ together).real.max()
-        return None if wider > MOST_LOST**2 else scattered(factors, known)
+        return None if wider > MOST_LOST**2 else _FrameFactors(joint.pose, known, held)
 
     def _factor(self, frame: Frame, joint: PoseEstimate, deviations: Array) -> Factor | None:
         """A frame's own information on the pose, about the joint one; None where no solution of its own is at that
         place, or it leaves a direction free.
         """
-        sampled = _is_sampled(frame)
-        values, axes = np.linalg.eigh(joint.covariance / np.outer(deviations, deviations))
-        weakest = np.sqrt(values[-1]) * deviations * axes[:, -1]
-        # The mode of samples depends on the start; the scatter over starts is part of the frame's uncertainty.
-        starts = (0.0, -1.0, 1.0) if sampled else (0.0,)
-        found = [self._own(frame, joint.pose, joint.pose.retract(times * weakest), deviations) for times in starts]
-        known = [solution for solution in found if solution is not None]
-        if not known:
-            return None
-        increments, covariances = (np.array(values) for values in zip(*known, strict=True))
-        increment = increments.mean(axis=0)
-        covariance = covariances.mean(axis=0) + np.cov(increments.T, bias=True)
-        return Factor.of_posterior(increment, covariance, deviations, held=sampled)
-
-    def _own(self, frame: Frame, joint: Pose, start: Pose, deviations: Array) -> tuple[Array, Array] | None:
-        """The increment from the joint pose to a frame's own from a start, and its covariance."""
         about = Prior(
-            initial=start,
+            initial=joint.pose,
             initial_rotation_sigma_deg=float(np.degrees(deviations[0])),
             initial_center_sigma_m=float(deviations[-1]),
         )
@@ -218,39 +238,48 @@ class _Rig:
         except PoseError:
             return None
         solutions = [
-            (joint.local_coordinates(solution.pose), solution.covariance)
+            (joint.pose.local_coordinates(solution.pose), solution.covariance)
             for solution in (alone, *alone.diagnostics.alternatives)
         ]
         increment, covariance = min(solutions, key=lambda solution: float(np.linalg.norm(solution[0] / deviations)))
         if np.linalg.norm(increment[:3]) > ANOTHER_PLACE or not np.isfinite(covariance).all():
             return None
-        return increment, covariance
+        return Factor.of_posterior(increment, covariance, deviations, held=_is_sampled(frame))
 
-    def leave_one_out(self, frames: Sequence[Frame], joint: Pose) -> tuple[LeaveOneOut, ...]:
-        """The pose of all frames but one, for each; nothing of a single frame."""
+    def leave_one_out(
+        self, frames: Sequence[Frame], joint: Pose, factors: _FrameFactors | None
+    ) -> tuple[LeaveOneOut, ...]:
+        """The pose of all frames but one, for each; nothing of a single frame. Without factors each is estimated from
+        the joint pose.
+        """
         if len(frames) < 2:
             return ()
         near, middle = self.started_at(joint), _middle(frames)
         found = []
         for index, frame in enumerate(frames):
             others = [*frames[:index], *frames[index + 1 :]]
-            without = near.joint(others)
-            residual, expected = _held_out(self.camera, without, frame, others)
-            increment = without.pose.local_coordinates(joint)
+            if factors is not None:
+                pose, covariance = factors.pose_of(others)
+            else:
+                without = near.joint(others)
+                pose, covariance = without.pose, without.covariance
+            residual, expected = _held_out(self.camera, pose, covariance, frame, others)
             found.append(
                 LeaveOneOut(
                     name=frame.name,
-                    pose=without.pose,
-                    covariance=without.covariance,
-                    rotation_deg=float(np.degrees(np.linalg.norm(increment[:3]))),
-                    shift_m=float(np.linalg.norm(joint.transform(middle) - without.pose.transform(middle))),
+                    pose=pose,
+                    covariance=covariance,
+                    rotation_deg=float(np.degrees(np.linalg.norm(pose.local_coordinates(joint)[:3]))),
+                    shift_m=float(np.linalg.norm(joint.transform(middle) - pose.transform(middle))),
                     residual_px=residual,
                     expected_px=expected,
                 )
             )
         return tuple(found)
 
-    def outlier_warnings(self, frames: Sequence[Frame], leave_one_out: Sequence[LeaveOneOut]) -> list[PoseWarning]:
+    def outlier_warnings(
+        self, frames: Sequence[Frame], leave_one_out: Sequence[LeaveOneOut], factors: _FrameFactors | None
+    ) -> list[PoseWarning]:
         """A warning for each frame that disagrees; the worst is left out before the others are tested again.
 
         Of two frames that disagree either may be wrong, so both are named.
@@ -263,7 +292,7 @@ class _Rig:
             worst = max(disagreeing, key=lambda one: one.residual_px / one.expected_px)
             warnings.append(self._outlier_warning(worst, frames, places))
             frames = [frame for frame in frames if frame.name != worst.name]
-            leave_one_out = self.leave_one_out(frames, worst.pose)
+            leave_one_out = self.leave_one_out(frames, worst.pose, factors)
         return warnings
 
     def _outlier_warning(self, one: LeaveOneOut, frames: Sequence[Frame], places: Mapping[str, int]) -> PoseWarning:
@@ -273,7 +302,7 @@ class _Rig:
         found = []
         for place, (image, world) in enumerate(zip(frame.image_regions, frame.world_regions, strict=True)):
             own = replace(frame, image_regions=[image], world_regions=[world])
-            residual, expected = _held_out(self.camera, one, own, others)
+            residual, expected = _held_out(self.camera, one.pose, one.covariance, own, others)
             found.append((places[one.name] + place, residual, expected))
         off = [(place, residual) for place, residual, expected in found if residual > OUTLIER_RATIO * expected]
         if not off or len(off) == len(found) > 1:
@@ -333,24 +362,24 @@ def _places(frames: Sequence[Frame]) -> dict[str, int]:
 
 
 def _held_out(
-    camera: Camera, without: PoseEstimate | LeaveOneOut, frame: Frame, others: Sequence[Frame]
+    camera: Camera, pose: Pose, covariance: Array, frame: Frame, others: Sequence[Frame]
 ) -> tuple[float, float]:
-    """Size of a frame's distances at the pose of the others, and the one to expect, pixels.
+    """Size of a frame's distances at the pose of the others, of this covariance, and the one to expect, pixels.
 
     `expected^2 = s^2 + mean of diag(J C J^T)`: the median over the others of their distances' root mean square, and
     what the covariance C of their pose moves the frame's outlines by. A frame, not a vertex, counts as one among the
     others: an error of its plane puts all of its outline off.
     """
-    own = _contours(camera, without.pose, [frame])
-    residual = _residual_px(camera, without.pose, own)
-    parts = [contours for one in others if (contours := _contours(camera, without.pose, [one])) is not None]
-    if own is None or not parts or not np.isfinite(without.covariance).all():
+    own = _contours(camera, pose, [frame])
+    residual = _residual_px(camera, pose, own)
+    parts = [contours for one in others if (contours := _contours(camera, pose, [one])) is not None]
+    if own is None or not parts or not np.isfinite(covariance).all():
         return residual, float("inf")
-    distances = [distances_of(camera, part, without.pose) for part in parts]
+    distances = [distances_of(camera, part, pose) for part in parts]
     scatter = float(np.median([np.inf if part is None else _root_mean_square(part.values) for part in distances]))
-    problem = ContourProblem(camera, without.pose, own)
+    problem = ContourProblem(camera, pose, own)
     jacobian = problem.jacobian(np.zeros(6)) / problem.unit
-    propagated = float(np.mean(np.einsum("mi,ij,mj->m", jacobian, without.covariance, jacobian)))
+    propagated = float(np.mean(np.einsum("mi,ij,mj->m", jacobian, covariance, jacobian)))
     return residual, float(np.hypot(scatter, np.sqrt(propagated)))
 
 
