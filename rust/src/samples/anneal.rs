@@ -7,7 +7,9 @@ use super::active_set::ActiveSet;
 use super::label_inference::{LabelInference, PoseState};
 use super::label_model::{LabelModel, NoiseLevels, residual_sigma, subsample_stride};
 use super::margin::SampledRegion;
-use super::posterior::{EQUIVALENT_DEVIANCE, ModeEvidence, Posterior, likeliest, mixture_moments, wrong_fractions};
+use super::posterior::{
+    EQUIVALENT_DEVIANCE, ModeEvidence, Posterior, likeliest, mixture_moments, squared_sigmas, wrong_fractions,
+};
 use crate::budget::Budget;
 use crate::geometry::pose::{Pose, Tangent};
 use crate::math::gaussian::{Gaussian, Normal};
@@ -21,10 +23,8 @@ const SHARED_SIGMAS: [f64; 3] = [COARSE, MEDIUM, FINE];
 /// Nodes between two levels of the integral over the sigma of corners: mean squares are exact to 0.2 % (`cargo test sampled::`).
 const NODES: u32 = 16;
 
-/// Squared Mahalanobis distance of two states, and difference of their log evidence, up to which they are one: a tenth of each, by
-/// convention.
-const SAME_STATE: f64 = 0.01;
-const SAME_EVIDENCE: f64 = 0.1;
+/// Difference of two states' log evidence up to which they are one: that of one variance.
+const SAME_EVIDENCE: f64 = 0.5 * ONE_VARIANCE;
 
 /// Relinearizations at most: at each level, and at the last one.
 const MAX_ROUNDS: usize = 2;
@@ -39,6 +39,18 @@ pub struct CoarseFit {
     pub log_evidence: f64,
     increment: Normal,
     models: Vec<LabelModel>,
+}
+
+impl CoarseFit {
+    /// Squared Mahalanobis distance to another fit.
+    pub fn squared_sigmas_to(&self, other: &Self) -> f64 {
+        squared_sigmas((&self.pose, &self.increment.covariance), (&other.pose, &other.increment.covariance))
+    }
+
+    /// Squared Mahalanobis distance to a posterior's mode.
+    pub fn squared_sigmas_to_mode(&self, mode: &Posterior) -> f64 {
+        squared_sigmas((&self.pose, &self.increment.covariance), (&mode.pose, &mode.covariance))
+    }
 }
 
 /// The mode reached from a start by a subsample, while the sigma of labels is halved from the start's residuals on; `prior` is a factor
@@ -286,14 +298,12 @@ impl PoseState {
 
     /// Whether another one is the same up to chance.
     fn is_same(&self, other: &Self) -> bool {
-        (self.log_evidence - other.log_evidence).abs() < SAME_EVIDENCE && self.squared_sigmas_to(other) < SAME_STATE
+        (self.log_evidence - other.log_evidence).abs() < SAME_EVIDENCE && self.squared_sigmas_to(other) < ONE_VARIANCE
     }
 
-    /// Squared Mahalanobis distance to another one, by the sum of both covariances; infinite where that is singular.
+    /// Squared Mahalanobis distance to another one.
     fn squared_sigmas_to(&self, other: &Self) -> f64 {
-        let increment = self.pose.local_coordinates(&other.pose);
-        let root = (self.increment.covariance + other.increment.covariance).cholesky();
-        root.map_or(f64::INFINITY, |root| increment.dot(&root.solve(&increment)))
+        squared_sigmas((&self.pose, &self.increment.covariance), (&other.pose, &other.increment.covariance))
     }
 }
 

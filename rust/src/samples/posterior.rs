@@ -56,11 +56,9 @@ impl Posterior {
         Self { evidence, ..self }
     }
 
-    /// Squared Mahalanobis distance to another mode, by the sum of both covariances; infinite where that is singular.
+    /// Squared Mahalanobis distance to another mode.
     pub fn squared_sigmas_to(&self, other: &Self) -> f64 {
-        let increment = self.pose.local_coordinates(&other.pose);
-        let root = (self.covariance + other.covariance).cholesky();
-        root.map_or(f64::INFINITY, |root| increment.dot(&root.solve(&increment)))
+        squared_sigmas((&self.pose, &self.covariance), (&other.pose, &other.covariance))
     }
 
     /// The mode with mean and covariance of the mixture of all these modes, the likeliest first, by the odds against each (eq. 17.11). Its
@@ -144,6 +142,13 @@ pub(super) fn mixture_moments(about: &Pose, components: &[(f64, Pose, Matrix6<f6
     let parts = increments.iter().zip(components);
     let covariance = parts.map(|(increment, (.., covariance))| spread(increment, covariance)).sum();
     (about.retract(&mean), covariance)
+}
+
+/// Squared Mahalanobis distance of two poses by the sum of both covariances; infinite where that is singular.
+pub fn squared_sigmas(one: (&Pose, &Matrix6<f64>), other: (&Pose, &Matrix6<f64>)) -> f64 {
+    let increment = one.0.local_coordinates(other.0);
+    let root = (one.1 + other.1).cholesky();
+    root.map_or(f64::INFINITY, |root| increment.dot(&root.solve(&increment)))
 }
 
 /// The items of the greatest logarithms of evidence, each pose once, without those that are too far behind the best.

@@ -5,7 +5,7 @@ use nalgebra::{Matrix6, Rotation3, Vector2, Vector3};
 use super::further::further_poses;
 use super::moments::{SingleRegionCache, single_region_poses};
 use super::outlined::{outlines, outlines_beside_samples};
-use super::poses::{SAME, apart, distinct};
+use super::poses::{apart, distinct};
 use super::symmetry::turned_about;
 use crate::budget::Budget;
 use crate::contour::readings::Contour;
@@ -32,6 +32,9 @@ const MOST_STARTS: usize = 24;
 /// yet, or not to the end with all samples, makes up as much again: without that, half turns that fit about as well in
 /// the end were lost on the way (`python -m benchmarks trust --seed 182 --scenes 1 --only model=combined`, and `--seed 109`, `lidar`).
 const MAX_DEFICIT: f64 = UNREFINED * DECISIVE;
+
+/// Squared Mahalanobis distance below which two modes are one answer: they are no outliers of one another.
+const ONE_ANSWER: f64 = OUTLIER_SIGMAS * OUTLIER_SIGMAS;
 
 /// Points along an outline at which samples beside it are searched: a convention.
 const OUTLINE_POINTS: usize = 128;
@@ -72,25 +75,30 @@ impl Problem {
         if !found.iter().any(is_found) {
             let single = single_region_poses(self, &mut SingleRegionCache::default(), budget);
             let further = further_poses(self, &single, budget);
-            found.extend(self.posteriors_near(&further, &[], &factor_at, &mut visited, budget));
+            let near = self.posteriors_near(&further, &found, &factor_at, &mut visited, budget);
+            found.extend(near);
         }
-        let mut last_refined: Option<(f64, Pose)> = None;
+        let mut last_refined: Option<Posterior> = None;
         // A symmetric shape fits from several places, of which the starts may have missed one, and sparse samples hold some on
         // the way to theirs.
-        while let Some((log_evidence, best)) = likeliest_of(&found).filter(|(log_evidence, best)| {
-            last_refined.is_none_or(|(last_evidence, last)| *log_evidence > last_evidence && apart(&last, best, SAME))
+        while let Some(likeliest) = likeliest_of(&found).filter(|best| {
+            let is_another =
+                |last: &Posterior| best.log_evidence() > last.log_evidence() && !is_same_answer(last, best);
+            last_refined.as_ref().is_none_or(is_another)
         }) {
+            let best = likeliest.pose;
             let (regions, step) = (self.sampled(), subsample_stride(self.sampled()));
             let cost = |pose: &Pose| -log_likelihood(regions, pose, COARSE, step, budget);
             let turned = turned_about(self, &best, cost, MAX_DEFICIT);
             let starts: Vec<Pose> = turned.into_iter().chain(beside(&best)).collect();
-            found.extend(self.posteriors_near(&starts, &found, &factor_at, &mut visited, budget));
-            last_refined = Some((log_evidence, best));
+            let near = self.posteriors_near(&starts, &found, &factor_at, &mut visited, budget);
+            found.extend(near);
+            last_refined = Some(likeliest);
         }
         modes(found)
     }
 
-    /// The posteriors of the likeliest starts, without those that the subsample refines to a mode that is found already.
+    /// The posteriors of the likeliest starts, without those that the subsample refines to an answer that is found already.
     fn posteriors_near(
         &self,
         starts: &[Pose],
@@ -106,10 +114,10 @@ impl Problem {
         let least = starts.first().map_or(0.0, |(cost, _)| *cost);
         let starts = starts.into_iter().take_while(|(cost, _)| *cost - least <= UNREFINED * MAX_DEFICIT);
         let leading = starts.take_while(|_| !budget.is_exhausted());
-        let is_new = |fit: &CoarseFit| found.iter().all(|other| apart(&other.pose, &fit.pose, SAME));
+        let is_new = |fit: &CoarseFit| found.iter().all(|mode| fit.squared_sigmas_to_mode(mode) >= ONE_ANSWER);
         let all: Vec<CoarseFit> =
             leading.filter_map(|(_, start)| fit_coarse(regions, factor_at, &start, budget)).filter(is_new).collect();
-        let is_same = |a: &CoarseFit, b: &CoarseFit| !apart(&a.pose, &b.pose, SAME);
+        let is_same = |a: &CoarseFit, b: &CoarseFit| a.squared_sigmas_to(b) < ONE_VARIANCE;
         let is_behind = |best: &CoarseFit, other: &CoarseFit| best.log_evidence - other.log_evidence > MAX_DEFICIT;
         let likely = likeliest(all, is_behind, |fit| fit.log_evidence, is_same);
         anneal(regions, factor_at, &likely, UNREFINED * MAX_DEFICIT, visited, budget)
@@ -118,15 +126,15 @@ impl Problem {
     /// Each answer once, the likeliest first, as the mixture of its modes: where samples contradict a pose, it depends on the start which
     /// of them count as wrong and which segments as disturbed.
     fn answers(&self, modes: &[Posterior]) -> Vec<Posterior> {
-        let is_same = |a: &Posterior, b: &Posterior| a.squared_sigmas_to(b) < OUTLIER_SIGMAS * OUTLIER_SIGMAS;
         let over_modes = |answer: Posterior| {
             // Poses beyond each other's basins have no mean.
-            let is_own =
-                |mode: &&Posterior| is_same(&answer, mode) && !apart(&answer.pose, &mode.pose, CONVERGENCE_RADIUS);
+            let is_own = |mode: &&Posterior| {
+                is_same_answer(&answer, mode) && !apart(&answer.pose, &mode.pose, CONVERGENCE_RADIUS)
+            };
             let own: Vec<Posterior> = modes.iter().filter(is_own).cloned().collect();
             answer.mixed_over(&own, self.sampled())
         };
-        let answers = likeliest(modes.to_vec(), |_, _| false, Posterior::log_evidence, is_same);
+        let answers = likeliest(modes.to_vec(), |_, _| false, Posterior::log_evidence, is_same_answer);
         answers.into_iter().map(over_modes).collect()
     }
 
@@ -217,10 +225,14 @@ fn beside(pose: &Pose) -> impl Iterator<Item = Pose> {
     axes.into_iter().flat_map(move |axis| [axis * CONVERGENCE_RADIUS, axis * -CONVERGENCE_RADIUS].map(turned))
 }
 
-/// The greatest logarithm of the evidence, and its pose.
-fn likeliest_of(found: &[Posterior]) -> Option<(f64, Pose)> {
-    let best = found.iter().max_by(|a, b| a.log_evidence().total_cmp(&b.log_evidence()))?;
-    Some((best.log_evidence(), best.pose))
+/// The one of the greatest evidence.
+fn likeliest_of(found: &[Posterior]) -> Option<Posterior> {
+    found.iter().max_by(|a, b| a.log_evidence().total_cmp(&b.log_evidence())).cloned()
+}
+
+/// Whether two modes are one answer.
+fn is_same_answer(a: &Posterior, b: &Posterior) -> bool {
+    a.squared_sigmas_to(b) < ONE_ANSWER
 }
 
 /// Each mode once, the likeliest first.
