@@ -180,10 +180,7 @@ pub fn run_ep<S: AsRef<LabelSite>>(
     let mut product = product_of(&messages) + *guard;
     let start = product.normalize()?.0;
     contours.iter_mut().for_each(|contour| contour.set_labels(sites, &start.covariance));
-    // The guard is in the cavities of the first sweep.
-    let (mut is_guarded, mut has_guarded_moments) = (*guard != Gaussian::default(), false);
     let sweep = |_| {
-        has_guarded_moments = std::mem::take(&mut is_guarded);
         for (contour, message) in contours.iter_mut().zip(&mut messages) {
             let cavity = product - *message;
             *message = contour.sweep(&cavity)?;
@@ -193,9 +190,10 @@ pub fn run_ep<S: AsRef<LabelSite>>(
         product = product_of(&messages);
         Some(product.normalize()?.0)
     };
-    let (shift, has_settled) = run_sweeps(start, sites.len(), sweep, budget)?;
+    let sweeps = run_sweeps(start, sites.len(), sweep, budget)?;
     let (increment, log_integral) = product.normalize()?;
-    let has_settled = has_settled && !has_guarded_moments;
+    // The guard is in the cavities of the first sweep.
+    let has_settled = sweeps.have_settled && (sweeps.count > 1 || *guard == Gaussian::default());
     let pairs = contours.iter_mut().zip(&messages);
     let moments = pairs.map(|(contour, message)| contour.moments(&(product - *message), has_settled));
     let moments: Vec<ContourMoments> = moments.collect::<Option<_>>()?;
@@ -205,7 +203,7 @@ pub fn run_ep<S: AsRef<LabelSite>>(
     if log_evidence > log_evidence_of_certain + EVIDENCE_TOLERANCE {
         return None;
     }
-    let has_converged = shift < DIVERGED_SIGMAS && moments.iter().all(|contour| contour.has_converged);
+    let has_converged = sweeps.shift < DIVERGED_SIGMAS && moments.iter().all(|contour| contour.has_converged);
     Some(EpPosterior { increment, contours: moments, log_evidence, has_converged })
 }
 
@@ -230,22 +228,31 @@ pub fn run_ep_independent<S: AsMut<LabelSite> + AsRef<LabelSite>>(
         sites.iter_mut().for_each(|site| site.as_mut().update(&mut increment));
         Some(product_of(sites).normalize()?.0)
     };
-    let (shift, _) = run_sweeps(start, count, sweep, budget)?;
+    let Sweeps { shift, .. } = run_sweeps(start, count, sweep, budget)?;
     let (increment, log_integral) = product_of(sites).normalize()?;
     let log_evidence = log_integral + sites.iter().map(|site| site.as_ref().log_scale(&increment)).sum::<f64>();
     Some(EpPosterior { increment, contours: Vec::new(), log_evidence, has_converged: shift < DIVERGED_SIGMAS })
 }
 
-/// Sweeps from a distribution of the increment to the next one until the mean stays; returns how far the last one moved it, in standard
-/// deviations, and whether that is so little; `None` where a direction is left free, or the search is stopped.
+/// How sweeps ended.
+struct Sweeps {
+    count: usize,
+    /// How far the last one moved the mean, in standard deviations.
+    shift: f64,
+    /// Whether that is so little that it is the last.
+    have_settled: bool,
+}
+
+/// Sweeps from a distribution of the increment to the next one until the mean stays; `None` where a direction is left free, or the
+/// search is stopped.
 fn run_sweeps(
     start: Normal,
     labels: usize,
     mut sweep: impl FnMut(Normal) -> Option<Normal>,
     budget: &Budget,
-) -> Option<(f64, bool)> {
+) -> Option<Sweeps> {
     let (mut increment, mut shift) = (start, f64::INFINITY);
-    for _ in 0..MAX_SWEEPS {
+    for count in 1..=MAX_SWEEPS {
         budget.charge(EDGES_PER_SWEEP * labels);
         if budget.is_canceled() {
             return None;
@@ -255,10 +262,10 @@ fn run_sweeps(
         shift = sigmas_between(&increment, &before)?;
         let from_pose = sigmas_between(&increment, &Vector6::zeros())?;
         if shift < CONVERGED_SIGMAS.max(CONVERGED_SHARE * from_pose) {
-            return Some((shift, true));
+            return Some(Sweeps { count, shift, have_settled: true });
         }
     }
-    Some((shift, false))
+    Some(Sweeps { count: MAX_SWEEPS, shift, have_settled: false })
 }
 
 /// Mahalanobis distance of a point from the mean; `None` where a direction is left free.
