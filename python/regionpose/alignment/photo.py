@@ -82,10 +82,22 @@ class Photo:
         its place being known up to a Gaussian of this standard deviation (docs/math.md, eq. 18.2).
         """
         if spread_px not in self._log_ratios:
-            width = max(LEAST_WINDOW_PX, 2 * int(0.5 * WINDOW_SPREADS * spread_px) + 1)
-            made = [_log_ratio(density, spread_px, width) for density in self._densities]
+            means = self._means(max(LEAST_WINDOW_PX, 2 * int(0.5 * WINDOW_SPREADS * spread_px) + 1))
+            made = [_log_ratio(*pair, spread_px) for pair in zip(self._densities, means, strict=True)]
             self._log_ratios[spread_px] = np.stack(made)
         return self._log_ratios[spread_px]
+
+    def _means(self, width: int) -> list[Pictures]:
+        """For each direction the mean densities (h, w) in windows of a width; most spreads share one."""
+        if width not in self._made_means:
+            means = [uniform_filter(density, width) for density in self._densities]
+            self._made_means[width] = [np.maximum(mean, np.float32(1e-3)) for mean in means]
+        return self._made_means[width]
+
+    @cached_property
+    def _made_means(self) -> dict[int, list[Pictures]]:
+        """By width, filled on demand."""
+        return {}
 
     @cached_property
     def _log_ratios(self) -> dict[float, Pictures]:
@@ -124,9 +136,8 @@ def blurred(picture: Pictures, spread_px: float, reach: float) -> Pictures:
     return _core.blurred(np.ascontiguousarray(picture), weights[last:] / weights.sum())
 
 
-def _log_ratio(density: Pictures, spread_px: float, width: int) -> Pictures:
-    mean = np.maximum(uniform_filter(density, width), np.float32(1e-3))
-    ratio = blurred(density, spread_px, 3.0) / mean
+def _log_ratio(density: Pictures, mean: Pictures, spread_px: float) -> Pictures:
+    ratio: Pictures = blurred(density, spread_px, 3.0) / mean
     ratio -= np.float32(1.0)
     ratio *= np.float32(SHOWN)
     return np.log1p(ratio, out=ratio)
