@@ -255,6 +255,7 @@ class _Rig:
         if len(frames) < 2:
             return ()
         near, middle = self.started_at(joint), _middle(frames)
+        contours = [_contours(self.camera, joint, [frame]) for frame in frames]
         found = []
         for index, frame in enumerate(frames):
             others = [*frames[:index], *frames[index + 1 :]]
@@ -263,7 +264,8 @@ class _Rig:
             else:
                 without = near.joint(others)
                 pose, covariance = without.pose, without.covariance
-            residual, expected = _held_out(self.camera, pose, covariance, frame, others)
+            beside = [*contours[:index], *contours[index + 1 :]]
+            residual, expected = _held_out(self.camera, pose, covariance, contours[index], beside)
             found.append(
                 LeaveOneOut(
                     name=frame.name,
@@ -298,10 +300,10 @@ class _Rig:
     def _outlier_warning(self, one: LeaveOneOut, frames: Sequence[Frame], places: Mapping[str, int]) -> PoseWarning:
         """The warning of a frame that disagrees, with those of its regions that do where others of it agree."""
         frame = next(frame for frame in frames if frame.name == one.name)
-        others = [other for other in frames if other.name != one.name]
+        others = [_contours(self.camera, one.pose, [other]) for other in frames if other.name != one.name]
         found = []
         for place, (image, world) in enumerate(zip(frame.image_regions, frame.world_regions, strict=True)):
-            own = replace(frame, image_regions=[image], world_regions=[world])
+            own = _contours(self.camera, one.pose, [replace(frame, image_regions=[image], world_regions=[world])])
             residual, expected = _held_out(self.camera, one.pose, one.covariance, own, others)
             found.append((places[one.name] + place, residual, expected))
         off = [(place, residual) for place, residual, expected in found if residual > OUTLIER_RATIO * expected]
@@ -362,7 +364,7 @@ def _places(frames: Sequence[Frame]) -> dict[str, int]:
 
 
 def _held_out(
-    camera: Camera, pose: Pose, covariance: Array, frame: Frame, others: Sequence[Frame]
+    camera: Camera, pose: Pose, covariance: Array, own: Contours | None, others: Sequence[Contours | None]
 ) -> tuple[float, float]:
     """Size of a frame's distances at the pose of the others, of this covariance, and the one to expect, pixels.
 
@@ -370,9 +372,8 @@ def _held_out(
     what the covariance C of their pose moves the frame's outlines by. A frame, not a vertex, counts as one among the
     others: an error of its plane puts all of its outline off.
     """
-    own = _contours(camera, pose, [frame])
     residual = _residual_px(camera, pose, own)
-    parts = [contours for one in others if (contours := _contours(camera, pose, [one])) is not None]
+    parts = [contours for contours in others if contours is not None]
     if own is None or not parts or not np.isfinite(covariance).all():
         return residual, float("inf")
     distances = [distances_of(camera, part, pose) for part in parts]
