@@ -22,7 +22,7 @@ from regionpose.solve.estimate import PoseError, PoseEstimate
 from regionpose.solve.frame import Frame
 from regionpose.solve.options import Solver
 from regionpose.solve.prior import Prior
-from regionpose.solve.rig import estimate_rig
+from regionpose.solve.rig import rig_pose
 from regionpose.solve.single import estimate_pose
 from regionpose.validation.arguments import checked_arguments
 from regionpose.validation.arrays import Array, KeptArrays, finite_array
@@ -194,7 +194,7 @@ def region_pose(
     try:
         if len(given) == 1:
             return estimate_pose(camera, given[0].image_regions, given[0].world_regions, prior=prior, solver=solver)
-        return estimate_rig(camera, given, prior=prior, solver=solver)
+        return rig_pose(camera, given, prior, solver)
     except PoseError:
         return None
 

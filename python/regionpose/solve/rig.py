@@ -90,13 +90,9 @@ def estimate_rig(
         A ValueError, where no pose shows every region.
 
     """
-    options = checked_solver(solver)
     listed = _checked_frames(camera, frames)
     names = parameter_names(camera, refine_camera)
-    rig = _Rig(camera, prior or Prior(), options)
-    if len(listed) > 1:
-        # How far frames are off as wholes is estimated below.
-        rig = replace(rig, solver=replace(rig.solver, **EXACT_EXPOSURE))
+    rig = _Rig.of(camera, listed, prior, solver)
     if names and all(region.is_line for region in _sides(listed)[1]):
         raise ValueError(
             "refine_camera found regions sampled along one scan line alone; needed one that has an outline"
@@ -110,21 +106,8 @@ def estimate_rig(
             rig = replace(rig, camera=refinement.camera)
             near = rig if rig.prior.initial is not None else rig.started_at(refinement.pose)
             estimate = near.joint(listed)
-    factors = rig.factors(listed, estimate)
-    found = None if factors is None else factors.together(listed)
-    if found is not None:
-        pose = estimate.pose.retract(found.increment)
-        # Errors of the calibration are the same in all frames.
-        calibration = options.calibration_covariance(
-            estimate.diagnostics.focal_shift, estimate.diagnostics.pixel_angle_rad
-        )
-        covariance = found.covariance + calibration
-        estimate = scattered_estimate(estimate, pose, covariance, rig.camera, *_sides(listed), rig.solver)
-    elif len(listed) > 1:
-        # How far frames are off cannot be estimated.
-        options = replace(options, driver=rig.solver.driver)
-        estimate = replace(rig.started_at(estimate.pose), solver=options).joint(listed)
-    leave_one_out = rig.leave_one_out(listed, estimate.pose, factors)
+    estimate, found = rig.with_scatter(listed, estimate)
+    leave_one_out = rig.leave_one_out(listed, estimate.pose)
     fits = RigDiagnostics(
         camera=rig.camera,
         frames=_frame_fits(rig.camera, listed, estimate),
@@ -132,44 +115,15 @@ def estimate_rig(
         between_frame_sigma=None if found is None else found.between_frame_sigma,
         refinement=refinement,
     )
-    warnings = (
-        *estimate.warnings,
-        *rig.outlier_warnings(listed, leave_one_out, factors),
-        *_camera_warnings(refinement),
-    )
+    warnings = (*estimate.warnings, *rig.outlier_warnings(listed, leave_one_out), *_camera_warnings(refinement))
     return replace(estimate, warnings=warnings, diagnostics=replace(estimate.diagnostics, rig=fits))
 
 
-@dataclass(frozen=True)
-class _FrameFactors:
-    """What each frame by itself says of the pose, about the joint one.
-
-    `known`: what else is known, which leaves no direction free. `own`: the factors of the frames that have one, by
-    name.
-    """
-
-    joint: Pose
-    known: Factor
-    own: Mapping[str, Factor]
-
-    def of(self, frames: Sequence[Frame]) -> list[Factor]:
-        """The factors of these frames."""
-        return [self.own[frame.name] for frame in frames if frame.name in self.own]
-
-    def together(self, frames: Sequence[Frame]) -> Scattered | None:
-        """The increment to the pose of these frames; None where fewer than two have a factor."""
-        factors = self.of(frames)
-        return scattered(factors, self.known) if len(factors) > 1 else None
-
-    def pose_of(self, frames: Sequence[Frame]) -> tuple[Pose, Array]:
-        """The pose of these frames and its covariance (6, 6)."""
-        found = self.together(frames)
-        if found is not None:
-            return self.joint.retract(found.increment), found.covariance
-        # A single frame says nothing of how far frames scatter.
-        information, vector = (sum(parts) for parts in zip(self.known, *self.of(frames), strict=True))
-        covariance = np.linalg.inv(information)
-        return self.joint.retract(covariance @ vector), covariance
+def rig_pose(camera: Camera, frames: Sequence[Frame], prior: Prior | None, solver: Solver | None) -> PoseEstimate:
+    """The pose as of `estimate_rig`, without what each frame does to it."""
+    listed = _checked_frames(camera, frames)
+    rig = _Rig.of(camera, listed, prior, solver)
+    return rig.with_scatter(listed, rig.joint(listed))[0]
 
 
 @dataclass(frozen=True)
@@ -179,6 +133,15 @@ class _Rig:
     camera: Camera
     prior: Prior
     solver: Solver
+    options: Solver
+    """As given; `solver` leaves out of it how far frames of several are off as wholes, which their scatter tells."""
+
+    @classmethod
+    def of(cls, camera: Camera, frames: Sequence[Frame], prior: Prior | None, solver: Solver | None) -> _Rig:
+        """The rig of these frames."""
+        options = checked_solver(solver)
+        own = replace(options, **EXACT_EXPOSURE) if len(frames) > 1 else options
+        return cls(camera, prior or Prior(), own, options)
 
     def started_at(self, pose: Pose) -> _Rig:
         """The same from a pose that is a start alone, in place of the prior's."""
@@ -202,26 +165,44 @@ class _Rig:
                 return ValueError(f"{frame.name}: {own}")
         return error
 
-    def factors(self, frames: Sequence[Frame], joint: PoseEstimate) -> _FrameFactors | None:
-        """The frames' factors at the place of the joint pose; None where fewer than two frames have a pose of their own
-        there, what these hold does not add up to the joint one, or that one leaves a direction free.
+    def with_scatter(self, frames: Sequence[Frame], joint: PoseEstimate) -> tuple[PoseEstimate, Scattered | None]:
+        """The estimate of all frames that allows for errors of whole frames, and how they scatter."""
+        found = self.scattered(frames, joint)
+        if found is not None:
+            pose = joint.pose.retract(found.increment)
+            # Errors of the calibration are the same in all frames.
+            calibration = self.options.calibration_covariance(
+                joint.diagnostics.focal_shift, joint.diagnostics.pixel_angle_rad
+            )
+            covariance = found.covariance + calibration
+            return scattered_estimate(joint, pose, covariance, self.camera, *_sides(frames), self.solver), found
+        if len(frames) > 1:
+            # How far frames are off cannot be estimated.
+            options = replace(self.options, driver=self.solver.driver)
+            return replace(self.started_at(joint.pose), solver=options).joint(frames), None
+        return joint, None
+
+    def scattered(self, frames: Sequence[Frame], joint: PoseEstimate) -> Scattered | None:
+        """The pose that allows for errors of whole frames, at the place of the joint one; None where fewer than two
+        frames have a pose of their own there, what these hold does not add up to the joint one, or that one leaves a
+        direction free.
         """
         distance = float(np.linalg.norm(joint.pose.transform(_middle(frames))))
         deviations = ANOTHER_PLACE * np.array([1.0, 1.0, 1.0, distance, distance, distance])
         if len(frames) < 2 or not np.isfinite(joint.covariance).all():
             return None
-        own = {frame.name: self._factor(frame, joint, deviations) for frame in frames}
-        held = {name: factor for name, factor in own.items() if factor is not None}
-        if len(held) < 2:
+        own = [self._factor(frame, joint, deviations) for frame in frames]
+        factors = [factor for factor in own if factor is not None]
+        if len(factors) < 2:
             return None
         known = Factor.about(deviations)
         if any(_is_sampled(frame) for frame in frames):
             # Outlines' poses know nothing of the prior but which of them it leaves.
             prior = self.prior.core.gaussian(joint.pose.rotation_matrix, joint.pose.translation)
             known = Factor(*(ours + given for ours, given in zip(known, prior, strict=True)))
-        together = np.linalg.inv(known.information + sum(factor.information for factor in held.values()))
+        together = np.linalg.inv(known.information + sum(factor.information for factor in factors))
         wider = np.linalg.eigvals(np.linalg.pinv(joint.covariance, hermitian=True) @ together).real.max()
-        return None if wider > MOST_LOST**2 else _FrameFactors(joint.pose, known, held)
+        return None if wider > MOST_LOST**2 else scattered(factors, known)
 
     def _factor(self, frame: Frame, joint: PoseEstimate, deviations: Array) -> Factor | None:
         """A frame's own information on the pose, about the joint one; None where no solution of its own is at that
@@ -246,12 +227,8 @@ class _Rig:
             return None
         return Factor.of_posterior(increment, covariance, deviations, held=_is_sampled(frame))
 
-    def leave_one_out(
-        self, frames: Sequence[Frame], joint: Pose, factors: _FrameFactors | None
-    ) -> tuple[LeaveOneOut, ...]:
-        """The pose of all frames but one, for each; nothing of a single frame. Without factors each is estimated from
-        the joint pose.
-        """
+    def leave_one_out(self, frames: Sequence[Frame], joint: Pose) -> tuple[LeaveOneOut, ...]:
+        """The pose of all frames but one, for each; nothing of a single frame."""
         if len(frames) < 2:
             return ()
         near, middle = self.started_at(joint), _middle(frames)
@@ -259,11 +236,8 @@ class _Rig:
         found = []
         for index, frame in enumerate(frames):
             others = [*frames[:index], *frames[index + 1 :]]
-            if factors is not None:
-                pose, covariance = factors.pose_of(others)
-            else:
-                without = near.joint(others)
-                pose, covariance = without.pose, without.covariance
+            without = near.joint(others)
+            pose, covariance = without.pose, without.covariance
             beside = [*contours[:index], *contours[index + 1 :]]
             residual, expected = _held_out(self.camera, pose, covariance, contours[index], beside)
             found.append(
@@ -279,9 +253,7 @@ class _Rig:
             )
         return tuple(found)
 
-    def outlier_warnings(
-        self, frames: Sequence[Frame], leave_one_out: Sequence[LeaveOneOut], factors: _FrameFactors | None
-    ) -> list[PoseWarning]:
+    def outlier_warnings(self, frames: Sequence[Frame], leave_one_out: Sequence[LeaveOneOut]) -> list[PoseWarning]:
         """A warning for each frame that disagrees; the worst is left out before the others are tested again.
 
         Of two frames that disagree either may be wrong, so both are named.
@@ -294,7 +266,7 @@ class _Rig:
             worst = max(disagreeing, key=lambda one: one.residual_px / one.expected_px)
             warnings.append(self._outlier_warning(worst, frames, places))
             frames = [frame for frame in frames if frame.name != worst.name]
-            leave_one_out = self.leave_one_out(frames, worst.pose, factors)
+            leave_one_out = self.leave_one_out(frames, worst.pose)
         return warnings
 
     def _outlier_warning(self, one: LeaveOneOut, frames: Sequence[Frame], places: Mapping[str, int]) -> PoseWarning:
