@@ -23,8 +23,11 @@ const SHARED_SIGMAS: [f64; 3] = [COARSE, MEDIUM, FINE];
 /// Nodes between two levels of the integral over the sigma of corners: mean squares are exact to 0.2 % (`cargo test sampled::`).
 const NODES: u32 = 16;
 
-/// Difference of two states' log evidence up to which they are one: that of one variance.
-const SAME_EVIDENCE: f64 = 0.5 * ONE_VARIANCE;
+/// Squared Mahalanobis distance of two states, and difference of their log evidence, up to which they are one: a tenth of each, by
+/// convention. With a standard deviation and half a unit searches take a seventh less time, and miss four more of 640 right answers
+/// (`python -m benchmarks trust --seed 7000 --scenes 110 --only model=lidar`, `model=combined`).
+const SAME_STATE: f64 = 0.01;
+const SAME_EVIDENCE: f64 = 0.1;
 
 /// Relinearizations at most: at each level, and at the last one.
 const MAX_ROUNDS: usize = 2;
@@ -42,14 +45,9 @@ pub struct CoarseFit {
 }
 
 impl CoarseFit {
-    /// Squared Mahalanobis distance to another fit.
-    pub fn squared_sigmas_to(&self, other: &Self) -> f64 {
-        squared_sigmas((&self.pose, &self.increment.covariance), (&other.pose, &other.increment.covariance))
-    }
-
-    /// Squared Mahalanobis distance to a posterior's mode.
-    pub fn squared_sigmas_to_mode(&self, mode: &Posterior) -> f64 {
-        squared_sigmas((&self.pose, &self.increment.covariance), (&mode.pose, &mode.covariance))
+    /// Squared Mahalanobis distance of a pose, by this fit's covariance alone: a wider posterior may hold several fits.
+    pub fn squared_sigmas_of(&self, pose: &Pose) -> f64 {
+        squared_sigmas((&self.pose, &self.increment.covariance), (pose, &Matrix6::zeros()))
     }
 }
 
@@ -298,7 +296,7 @@ impl PoseState {
 
     /// Whether another one is the same up to chance.
     fn is_same(&self, other: &Self) -> bool {
-        (self.log_evidence - other.log_evidence).abs() < SAME_EVIDENCE && self.squared_sigmas_to(other) < ONE_VARIANCE
+        (self.log_evidence - other.log_evidence).abs() < SAME_EVIDENCE && self.squared_sigmas_to(other) < SAME_STATE
     }
 
     /// Squared Mahalanobis distance to another one.

@@ -5,7 +5,7 @@ use nalgebra::{Matrix6, Rotation3, Vector2, Vector3};
 use super::further::further_poses;
 use super::moments::{SingleRegionCache, single_region_poses};
 use super::outlined::{outlines, outlines_beside_samples};
-use super::poses::{apart, distinct};
+use super::poses::{SAME, apart, distinct};
 use super::symmetry::turned_about;
 use crate::budget::Budget;
 use crate::contour::readings::Contour;
@@ -114,10 +114,14 @@ impl Problem {
         let least = starts.first().map_or(0.0, |(cost, _)| *cost);
         let starts = starts.into_iter().take_while(|(cost, _)| *cost - least <= UNREFINED * MAX_DEFICIT);
         let leading = starts.take_while(|_| !budget.is_exhausted());
-        let is_new = |fit: &CoarseFit| found.iter().all(|mode| fit.squared_sigmas_to_mode(mode) >= ONE_ANSWER);
+        let is_new = |fit: &CoarseFit| {
+            found.iter().all(|mode| {
+                fit.squared_sigmas_of(&mode.pose) >= ONE_ANSWER || apart(&fit.pose, &mode.pose, CONVERGENCE_RADIUS)
+            })
+        };
         let all: Vec<CoarseFit> =
             leading.filter_map(|(_, start)| fit_coarse(regions, factor_at, &start, budget)).filter(is_new).collect();
-        let is_same = |a: &CoarseFit, b: &CoarseFit| a.squared_sigmas_to(b) < ONE_VARIANCE;
+        let is_same = |a: &CoarseFit, b: &CoarseFit| !apart(&a.pose, &b.pose, SAME);
         let is_behind = |best: &CoarseFit, other: &CoarseFit| best.log_evidence - other.log_evidence > MAX_DEFICIT;
         let likely = likeliest(all, is_behind, |fit| fit.log_evidence, is_same);
         anneal(regions, factor_at, &likely, UNREFINED * MAX_DEFICIT, visited, budget)
